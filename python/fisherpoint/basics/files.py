@@ -207,7 +207,7 @@ def entry(name: str) -> Iterator[None]:
 
 
 WRONG = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError, StopIteration, MemoryError)
-"""What comes of building from data of other kinds and sizes than were written."""
+"""Errors of building from data of other kinds and sizes than were written."""
 
 
 def _complaint(error: Exception, what: str) -> str:

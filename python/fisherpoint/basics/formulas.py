@@ -31,7 +31,7 @@ REPEATED = (
     "expected no %, //, floor, ceil or round, which jump again and again: write each jump as where() or heaviside(), "
     "as heaviside(x - 1) + heaviside(x - 2) for floor(x) up to 3"
 )
-"""What is said of functions that jump at no end of places."""
+"""Message about functions that jump at infinitely many places."""
 _REPEATING = ("floor", "ceil", "ceiling", "round", "mod", "fmod", "trunc", "int", "frac")
 _EQUAL = "expected <, <=, > or >=, as == holds for no length of time: write abs(a - b) < width"
 _JOINED = "expected brackets around each comparison beside &, | and ~: (a > 0) & (b > 0)"
@@ -112,11 +112,11 @@ class Reader(ABC):
 
     @abstractmethod
     def number(self, node: ast.expr, value: float) -> Any:
-        """What a finite number is."""
+        """Value of a finite number."""
 
     @abstractmethod
     def combined(self, node: ast.expr, how: str, *values: Any) -> Any:
-        """What an operator, such as "+", "<", "and" or "negative", or a function makes of values; `node` is where it stands."""
+        """Value of an operator, such as "+", "<", "and" or "negative", or of a function; `node` is where it stands."""
 
     def check_finite(self, node: ast.expr, value: Any) -> None:
         """Raise for a number that no double holds."""

@@ -120,12 +120,12 @@ _ENTRIES: Mapping[str, tuple[type, type]] = {
     "b": (bool, np.bool_),
     "U": (str, np.str_),
 }
-"""By the kind of an array's dtype: what its entries are, and the dtype that they get. Texts have the room that they need."""
+"""Type of the entries and their dtype, by the kind of an array's dtype. Texts have the room that they need."""
 
 
 @dataclass(frozen=True)
 class _Decoder:
-    """Gives back what `_encoded` has written, of these kinds; messages name the place of what is wrong."""
+    """Decodes what `_encoded` has written, of these kinds; messages name the place of what is wrong."""
 
     kinds: Mapping[str, type]
     codec: Mapping[str, Callable[[Any], Any]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 STANDARD_INPUT = Path("standard input")
-"""What stands for the file; messages name it so."""
+"""Name that stands for the file, also in messages."""
 
 _held: dict[Path, bytes] = {}
 

@@ -29,11 +29,11 @@ _CLEARER = {
     "Invalid statement": "expected a key and its value, or a table in brackets, given something else",
     "Invalid value": "expected a number, a text in quotes, true, false, a list or a table, given something else",
 }
-"""What the parser says, and what that means."""
+"""Messages of the parser, and their meaning."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """What a TOML file says.
+    """Content of a TOML file.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_toml(text: str, source: str | Path) -> dict[str, Any]:
-    """What a text in TOML says; `source` is named where it is none."""
+    """Content of a text in TOML; messages name `source`."""
     if len(text) > MOST_BYTES:
         raise ConfigError(f"{source}: expected at most {MOST_BYTES:,} characters, given {len(text):,}")
     if _DOTTED.search(text):

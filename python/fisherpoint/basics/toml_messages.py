@@ -127,7 +127,7 @@ _MEMBERS = ("dict[", "list[", "constrained-", "function-")
 
 
 def _place(problem: ErrorDetails) -> tuple[str, ...]:
-    """Where a problem is, without the names that pydantic adds for the members of a union."""
+    """Place of a problem, without the names that pydantic adds for the members of a union."""
     parts = [part for part in problem["loc"] if isinstance(part, str)]
     return tuple(part for part in parts if part != "int" and not part.startswith(_MEMBERS))
 

@@ -1,4 +1,4 @@
-"""What the batches of a campaign are made of, points or runs, and how each of them is designed: the region says which."""
+"""Kinds of batches of a campaign, points or runs, and how each is designed: the region decides which."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a campaign is given: the settings of a batch's search, seeds, and targets."""
+"""Settings of a campaign: those of a batch's search, seeds, and targets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a campaign is at a moment: its problem and settings, the batches that were measured, and what is planned."""
+"""State of a campaign: its problem and settings, the batches that were measured, and the planned one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was measured: outputs of experiment points and of records, on a virtual or a real rig, and their files."""
+"""Measurements: outputs of experiment points and of records, on a virtual or a real rig, and their files."""
 
 from .measurements import Measurements
 from .pieces import Pieces, pieces

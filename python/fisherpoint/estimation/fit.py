@@ -18,7 +18,7 @@ from .plots import plots_of
 from .posterior import posterior_of
 from .profile import Profile, ProfileProgress, profile_of
 from .profile_curve import ProfileCurve
-from .report import asked_facts, fit_report
+from .report import fit_facts, fit_report
 from .statistics import FitStatistics
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(FitStatistics, Shown):
-    """What `estimate` found; see `FitStatistics` for its attributes."""
+    """Result of `estimate`; see `FitStatistics` for its attributes."""
 
     def profile(
         self,
@@ -81,7 +81,7 @@ class Fit(FitStatistics, Shown):
         return fit_report(self, profiles)
 
     def _asked(self) -> Sequence[Section]:
-        sections = [Section("Fit", (), asked_facts(self))]
+        sections = [Section("Fit", (), fit_facts(self))]
         return sections if self.prior is None else [*sections, prior_section(self.prior, self.model.parameters)]
 
     def _plots(self) -> Plots:

@@ -38,7 +38,7 @@ from .unknowns import Unknowns, prior_factor
 from .weighting import WeightedResiduals
 
 BOUNDS = {"lower": -np.inf, "upper": np.inf}
-"""What null stands for in JSON."""
+"""Meaning of null in JSON."""
 
 PLAIN = {"noise_known": bool, "converged": bool, "message": str, "evaluations": int, "starts": int, "reached": int}
 """Fields of a fit that JSON has as they are."""

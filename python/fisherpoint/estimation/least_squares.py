@@ -149,7 +149,7 @@ def minimise(
 
 
 class _Search:
-    """Where B searches stand; those that go on are `active`."""
+    """State of B searches; those that go on are `active`."""
 
     def __init__(
         self,
@@ -191,7 +191,7 @@ class _Search:
         return r, jacobian, ok
 
     def _free(self, z: Array, tangent: Tangent) -> NDArray[np.bool_]:
-        """Which coordinates no bound holds."""
+        """Whether no bound holds a coordinate."""
         gradient = tangent.gradient
         return ~(((z <= self.lower) & (gradient > 0)) | ((z >= self.upper) & (gradient < 0)))
 
@@ -267,7 +267,7 @@ class _Search:
         return noise
 
     def _near(self, some: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Where rounding may keep the gradient from zero: it is as small as that, or the residuals themselves are."""
+        """Whether rounding may keep the gradient from zero: it is as small as that, or the residuals themselves are."""
         rounding, spacing, noise = self.rounding[some], self.spacing[some], self._noise(some)
         least = np.maximum(np.minimum(rounding, TOLERABLE * noise), np.minimum(spacing, TOLERABLE_SPACING * noise))
         allowed = (
@@ -279,7 +279,7 @@ class _Search:
     def _bend(
         self, some: NDArray[np.intp], taken: Array, damped: Damped, wanted: NDArray[np.bool_]
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """What a step misses to second order (Transtrum and Sethna 2012), and where that is too much for the step to be right."""
+        """Second-order correction of a step (Transtrum and Sethna 2012), and whether it is too large for the step to be right."""
         reach = np.clip(self.z[some] + REACH * taken, self.lower, self.upper) - self.z[some]
         r, _, ok = self._evaluated(self.z[some] + reach, some)
         self.evaluations[some] += 1

@@ -1,4 +1,4 @@
-"""What is estimated beside the parameters: constants of the plant that are known roughly, and starts that all runs share.
+"""Nuisance parameters, estimated beside the others: constants of the plant that are known roughly, and starts that all runs share.
 
 Each is an unknown of the fit, with what is known of it beforehand as one more residual, (c - c_0) / std. So its error is common to
 all data, what the data say about it is used, and the standard errors of the parameters are those of not knowing it.
@@ -44,7 +44,7 @@ class Nuisance:
 
 
 def known_beforehand(prior: GaussianPrior | None, assumed: Assumed, theta: Array) -> GaussianPrior | None:
-    """What is known of all unknowns: a prior of the parameters, and the nuisance ones at theta (q,); None of none."""
+    """Prior of all unknowns: that of the parameters, and the nuisance ones at theta (q,); None of none."""
     names = assumed.nuisance_names
     if not names:
         return prior

@@ -1,4 +1,4 @@
-"""What a model says to data: predicted outputs and their derivatives by every unknown, for many sets of unknowns at once."""
+"""Response of a model to data: predicted outputs and their derivatives by every unknown, for many sets of unknowns at once."""
 
 from __future__ import annotations
 

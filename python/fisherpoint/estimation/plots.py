@@ -1,4 +1,4 @@
-"""Which pictures of a fit there are; each imports what it needs when it is drawn."""
+"""Pictures of a fit; each imports what it needs when it is drawn."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .statistics import FitStatistics
 
 PICTURES = ("parity.png", "residuals.png", "time.png", "correlation.png", "ellipses.png", "profiles.png")
-"""What the command line may draw of a fit."""
+"""Pictures of a fit that the command line may draw."""
 
 
 def plots_of(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Plots:

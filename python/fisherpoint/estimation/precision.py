@@ -1,4 +1,4 @@
-"""What residuals' derivatives say about the precision of an estimate: covariance, correlation, and directions that stay open."""
+"""Precision of an estimate from the residuals' derivatives: covariance, correlation, and directions that stay open."""
 
 from __future__ import annotations
 

@@ -268,7 +268,7 @@ def _held_likelihood(fit: FitStatistics, j: int) -> Minimum:
 
 
 def _kept(fit: FitStatistics) -> Array:
-    """Which entries of the residual covariance the estimate used, (n_y, n_y)."""
+    """Whether the estimate used an entry of the residual covariance, (n_y, n_y)."""
     full = correlations_can_be_estimated(fit.weighted.measured, len(fit.parameters))
     return np.ones_like(fit.noise_covariance) if full else np.eye(len(fit.noise_covariance))
 

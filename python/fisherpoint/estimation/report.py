@@ -1,4 +1,4 @@
-"""What a fit says: a report of its unknowns, outputs and profiles, how it was found, and what the user should not miss."""
+"""Report of a fit: its unknowns, outputs and profiles, how it was found, and warnings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FAR_OFF = 3.0
 
 
 NUMERICAL = 1000.0
-"""Times the numerical error of an output, up to which its estimated noise is said to be near it."""
+"""Multiple of the numerical error of an output up to which its estimated noise is said to be near it."""
 
 
 def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = (), level: float = 0.95) -> Report:
@@ -34,7 +34,7 @@ def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = (), level:
 
 
 def headline(fit: FitStatistics) -> str:
-    """What was estimated, how, and from what, in a line."""
+    """Headline: what was estimated, how, and from what."""
     count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
     kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
     kind = "weighted least squares" if fit.noise_known else kind
@@ -44,8 +44,8 @@ def headline(fit: FitStatistics) -> str:
     return f"Fit of {fit.model.name}: {unknowns} from {counted(count, 'number')} in {counted(samples, 'sample')}, {kind}"
 
 
-def asked_facts(fit: FitStatistics) -> list[tuple[str, str]]:
-    """From what the fit was made."""
+def fit_facts(fit: FitStatistics) -> list[tuple[str, str]]:
+    """Facts of the fit: model, data, unknowns and noise."""
     parts = [f"{counted(len(part.samples), 'sample')} of {type(part).__name__}" for part in fit.data]
     noise = np.sqrt(np.diag(fit.noise_covariance))
     given = ", ".join(f"{name} {number(noise[i])}" for i, name in enumerate(names_of(fit.model.outputs)) if name in fit.tests)
@@ -84,7 +84,7 @@ def facts(fit: FitStatistics) -> Iterator[tuple[str, str]]:
 
 
 def warnings(fit: FitStatistics) -> Iterator[str]:
-    """What the user should not miss, each as a sentence."""
+    """Warnings, each as a sentence."""
     if not fit.converged:
         hint = "standard errors are not valid" if fit.noise_not_told else "other starts may help"
         yield f"not converged: {fit.message.rstrip('.')}; {hint}"
@@ -158,7 +158,7 @@ def _unknowns(fit: FitStatistics, level: float) -> Section:
 
 
 def _beside_prior(fit: FitStatistics, prior: GaussianPrior) -> Section:
-    """What the data have made of the prior: how far the estimate has moved, and what is left of the standard deviation."""
+    """Estimate beside the prior: how far the estimate has moved, and what is left of the standard deviation."""
     rows, marked = [], []
     for i, name in enumerate(name for name in fit.parameters if name in prior.names):
         row = [name, fit.units[name], number(prior.mean[name]), number(prior.std[name], 3)]

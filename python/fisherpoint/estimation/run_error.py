@@ -1,4 +1,4 @@
-"""What is drawn anew in each run: it moves all samples of the run at once, beside the noise that each has of its own."""
+"""Errors drawn anew in each run: they move all samples of the run at once, beside the noise that each has of its own."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def unbiased(covariance: Array, degrees: Array, counts: NDArray[np.intp]) -> Arr
 
 
 def inflated(jacobian: Array, covariance: Array, counts: NDArray[np.intp], full: bool) -> Inflated:
-    """What estimated weights do to B fits.
+    """Effect of estimated weights on B fits.
 
     Parameters
     ----------

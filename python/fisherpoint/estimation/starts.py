@@ -1,4 +1,4 @@
-"""Where the search for an estimate starts: at what is given, at nodes of the prior, and further out where these do not agree."""
+"""Starts of the search for an estimate: given ones, nodes of the prior, and further ones where these do not agree."""
 
 from __future__ import annotations
 

@@ -174,7 +174,7 @@ class FitStatistics:
 
     @property
     def held(self) -> NDArray[np.bool_]:
-        """Which of the unknowns are `at_bounds`, (P,)."""
+        """Whether each unknown is one of `at_bounds`, (P,)."""
         return self.weighted.unknowns.held(self.z)
 
     @property

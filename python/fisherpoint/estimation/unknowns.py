@@ -1,4 +1,4 @@
-"""What is estimated, as standardised coordinates z: theta = center + scale z, or the exponential of that."""
+"""Unknowns as standardised coordinates z: theta = center + scale z, or the exponential of that."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Unknowns:
         return replace(self, lower=np.where(free, -np.inf, self.lower), upper=np.where(free, np.inf, self.upper))
 
     def held(self, z: Array) -> NDArray[np.bool_]:
-        """Which of the coordinates (..., P) are at a bound, to within rounding."""
+        """Whether coordinates (..., P) are at a bound, to within rounding."""
         lower, upper = (np.where(np.isfinite(bound), bound, np.nan) for bound in (self.lower, self.upper))
         room = AT * self.spacing(z)
         return np.asarray((z <= lower + room) | (z >= upper - room))

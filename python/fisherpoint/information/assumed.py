@@ -1,4 +1,4 @@
-"""What is not known exactly and not estimated: constants, parameters, and start states.
+"""Nuisance quantities, not known exactly and not estimated: constants, parameters, and start states.
 
 What is drawn anew in each point or run (a load, a start) is an error of that point or run: with H = dy/dz and P the squares of the
 standard deviations, its outputs scatter about their prediction by R_k = R + H P H^T, and not by R, the sensor noise, alone. What

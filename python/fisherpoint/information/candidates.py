@@ -198,7 +198,7 @@ class CandidateSource:
         return PointInformation.join(found)
 
     def _what_helps(self, otherwise: str) -> str:
-        """What to do where hardly any point is valid: often the prior has values that the model was not made for."""
+        """Advice where hardly any point is valid: often the prior has values that the model was not made for."""
         problem = self._problem
         at = [other.theta for other in self._elsewhere]
         if names := of_other_sign(problem.model, problem.prior, problem.rule, problem.estimated, at):

@@ -129,7 +129,7 @@ def _start_changes(starts: Mapping[str, Array], size: float | None) -> list[str]
 
 
 def _invariants(names: Sequence[str], steps: Sequence[int], written: Callable[[str, int, str, int], str]) -> str:
-    """What stays the same along the direction, each of the first parameter, whose step is positive, and one other."""
+    """Invariants of the direction, each of the first parameter, whose step is positive, and one other."""
     found = []
     for name, step in zip(names[1:], steps[1:], strict=True):
         shared = math.gcd(steps[0], step)

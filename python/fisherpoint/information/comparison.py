@@ -1,4 +1,4 @@
-"""Which quadrature rule is enough for a problem: error against a converged rule, and cost."""
+"""Comparison of quadrature rules on a problem: error against a converged rule, and cost."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Errors:
 
 @dataclass(frozen=True)
 class RuleRow:
-    """What one rule gives and costs.
+    """Error and cost of one rule.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class RuleRow:
 
 @dataclass(frozen=True, repr=False)
 class RuleComparison(Shown, Kept):
-    """What `compare_rules` finds; it shows itself as a table.
+    """Result of `compare_rules`; it shows itself as a table.
 
     Attributes
     ----------

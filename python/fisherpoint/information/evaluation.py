@@ -1,4 +1,4 @@
-"""What a design is worth: Fisher matrix (7), its determinant, and the standard errors that follow."""
+"""Evaluation of a design: Fisher matrix (7), its determinant, and the standard errors that follow."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Evaluation(Shown, Kept):
     correlation : ndarray, (p, p), or None
     rank : int
     null_directions : tuple of mappings of parameter name to float
-        Combinations of standardised parameters that the design says nothing about.
+        Combinations of standardised parameters that the design does not determine.
     prior_std : mapping of parameter name to float
     n_points : int
         L of (7): the points, or samples of runs, that were evaluated, previous ones with them.

@@ -279,7 +279,7 @@ class _Tally:
         return np.asarray(done[2], dtype=np.int32)
 
     def _limits(self, points: Experiments | Runs, theta: Array, status: IntArray, rows: NDArray[np.intp]) -> list[str | None]:
-        """Which limits ended some trajectories; None where it was none."""
+        """Limits that ended some trajectories; None where it was none."""
         left = rows[status[rows] == Status.left_domain]
         of_rows: dict[int, str | None] = {}
         if len(left):

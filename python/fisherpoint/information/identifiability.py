@@ -47,7 +47,7 @@ WEAK = 1e-4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identifiability(Shown, Kept):
-    """What `identifiability` found; `print` shows it.
+    """Result of `identifiability`; `print` shows it.
 
     Attributes
     ----------

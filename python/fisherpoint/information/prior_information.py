@@ -1,4 +1,4 @@
-"""What is known before any measurement, as Fisher information beside that of the data."""
+"""Prior information, as Fisher information beside that of the data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a problem asks, as tables."""
+"""A problem as tables."""
 
 from __future__ import annotations
 

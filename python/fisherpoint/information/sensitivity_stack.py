@@ -25,7 +25,7 @@ TIGHT, LOOSE = 1e-10, 1e-8
 """Tolerances of the sensitivities, and of others that show how far off these may be."""
 
 AGREEMENT = 1e-5
-"""What the two may differ by, as a share of the largest at any point."""
+"""Allowed difference of the two, as a share of the largest at any point."""
 
 RECORD = 8
 """Samples of a record, where starts are not known."""
@@ -126,7 +126,7 @@ class Sampler:
         return Stack(self._names, self._starts, theta[self._columns], size, x0[:, self._started], near, far)
 
     def _scale(self, theta: Array) -> Array:
-        """What sensitivities are multiplied by: |theta|, or 1 where that is zero, and 1 for starts."""
+        """Factors of sensitivities: |theta|, or 1 where that is zero, and 1 for starts."""
         chosen = theta[self._columns]
         return np.concatenate([np.where(chosen != 0, np.abs(chosen), 1.0), np.ones(len(self._starts))])
 

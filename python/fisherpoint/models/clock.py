@@ -11,11 +11,11 @@ from collections.abc import Collection
 from ..basics.quantity import Quantity
 
 NAMES = "t", "time"
-"""What time is called in equations, where no quantity has the name."""
+"""Names of the time in equations, where no quantity has the name."""
 
 
 def clock_names(taken: Collection[str]) -> list[str]:
-    """What time is called in the equations of a model with quantities of these names; the first is shown."""
+    """Names of the time in the equations of a model with quantities of these names; the first is shown."""
     return [name for name in NAMES if name not in taken]
 
 

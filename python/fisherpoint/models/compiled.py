@@ -137,7 +137,7 @@ def _include_directory() -> Path | None:
 
 
 def _key(compiler: str, flags: list[str], sources: dict[str, str], include: Path) -> str:
-    """A name for all that decides what is built: compiler, flags with the instruction set, sources, and the core's headers."""
+    """Key of all that decides what is built: compiler, flags with the instruction set, sources, and the core's headers."""
     answer = subprocess.run([compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
     if answer.returncode != 0:
         raise RuntimeError(f"exit status {answer.returncode} of --version")

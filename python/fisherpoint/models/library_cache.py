@@ -1,4 +1,4 @@
-"""Where compiled models are kept: in files that only this user can have written, and that are still what was built.
+"""Cache of compiled models: files that only this user can have written, and that are still what was built.
 
 Loading a library runs what is in it. So an entry counts only where it and the directories above it belong to this user or to root
 and nobody else can write to them; and where its content has the SHA-256 that its name says, as a file that was cut off ends the

@@ -27,7 +27,7 @@ OF_CONDITIONS = (
 
 
 class Unwritable(TypeError):
-    """What cannot be written in equations."""
+    """Error about code that cannot be written in equations."""
 
 
 def _term(given: Any) -> Term:

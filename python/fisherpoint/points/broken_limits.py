@@ -1,4 +1,4 @@
-"""Which limit ended a trajectory: one of the model's domain, or one along the way."""
+"""The limit that ended a trajectory: one of the model's domain, or one along the way."""
 
 from __future__ import annotations
 

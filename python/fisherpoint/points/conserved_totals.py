@@ -143,7 +143,7 @@ class ConservedTotals:
 
 @lru_cache(maxsize=64)
 def _directions(r: int) -> Array:
-    """Where rates are looked at, (m, r): half of the places are above the guess in all unknowns, as many must not be negative."""
+    """Places (m, r) at which rates are evaluated: half are above the guess in all unknowns, as many must not be negative."""
     directions: Array = np.random.default_rng(0).random((3 * r + 8, r))
     directions[::2] = 2 * directions[::2] - 1
     directions.flags.writeable = False

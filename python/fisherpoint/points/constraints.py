@@ -50,7 +50,7 @@ def parse_constraint(text: str, names: Iterable[str]) -> Callable[[Mapping[str, 
 
 
 class _Arrays(Reader):
-    """Terms as arrays, with what is infinite or no number in them where it comes of the numbers."""
+    """Terms as arrays; entries may be infinite or NaN where the numbers make them so."""
 
     def number(self, node: ast.expr, value: float) -> Any:
         return np.float64(value)

@@ -1,4 +1,4 @@
-"""Where rates vanish, for many sets of parameters at once: a damped Newton method, and steps in time where that does not settle.
+"""Equilibria for many sets of parameters at once: a damped Newton method, and steps in time where that does not settle.
 
 Everything is in natural sizes: the unknowns z of a row are divided by their scales, and the rows of the Jacobian by their largest
 entries, so that neither units nor stiffness decide what counts as singular. The steps are damped by the natural test (P. Deuflhard,
@@ -21,7 +21,7 @@ Rates = Callable[[Array, NDArray[np.intp]], tuple[Array, Array]]
 """Takes unknowns (n, r) and the rows that they belong to; returns rates (n, r) and their derivatives by the unknowns (n, r, r)."""
 
 SETTLED = 1e-12
-"""Length of a Newton step, in natural sizes, behind which one more is rounding."""
+"""Length of a Newton step, in natural sizes, after which one more would be rounding."""
 
 STALLED = 1e-9
 """Length of a step that counts as settled where rounding lets it get no shorter."""
@@ -177,7 +177,7 @@ def _newton(rates: Rates, guess: Array, scale: Array) -> tuple[Array, Flags]:
 
 
 def _in_time(rates: Rates, guess: Array, scale: Array) -> Array:
-    """Where implicit Euler steps lead that grow as the rates fall: the way of the plant at first, in the end that of Newton."""
+    """Follow implicit Euler steps that grow as the rates fall: at first they follow the plant, in the end Newton's method."""
     z, r = guess.copy(), len(scale)
     active = np.arange(len(guess))
     f, j = rates(z, active)

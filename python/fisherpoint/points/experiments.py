@@ -113,7 +113,7 @@ class Experiments(InNotebooks):
         return np.column_stack([self.x0, self.u, self.dt])
 
     def key(self, point: int, segments: int | None = None) -> Hashable:
-        """What is done to the plant at a point: equal keys, equal trajectories; as that of a run of one segment."""
+        """Key of what is done to the plant at a point, as of a run of one segment: equal keys, equal trajectories."""
         held = (np.ravel(part) + 0.0 for part in (self.x0[point], self.u[point], self.dt[point]))
         return 1, *(part.tobytes() for part in held), None
 

@@ -1,4 +1,4 @@
-"""Which points and runs are outside of a region, in words."""
+"""Points and runs outside of a region, in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where experiment points may lie."""
+"""The region in which experiment points may lie."""
 
 from __future__ import annotations
 

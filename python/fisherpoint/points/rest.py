@@ -23,7 +23,7 @@ MOST = 64
 
 
 class Conditions(NamedTuple):
-    """What holds at a rest of a model: which states' rates vanish, and which outputs are given; unknown states and inputs."""
+    """Conditions at a rest of a model: states whose rates vanish, and outputs that are given; unknown states and inputs."""
 
     rates: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -87,7 +87,7 @@ class Rest:
             raise ValueError(f"rest.hold: expected states at rest, {listed(self.states or ())}; given {name!r}")
 
     def _identity(self) -> tuple[object, ...]:
-        """What the rest is, whatever the order of its states."""
+        """Key of the rest, whatever the order of its states."""
         states = None if self.states is None else frozenset(self.states)
         return self.u, states, frozenset(self.hold), self.outputs, frozenset(self.solve)
 
@@ -107,7 +107,7 @@ class Rest:
         return tuple(name for name in self.names(states) if name not in held)
 
     def conditions(self, states: tuple[str, ...], inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Conditions:
-        """What holds at the rest of a model with these names."""
+        """Conditions at the rest of a model with these names."""
         given = _known(tuple(self.outputs), outputs, "rest.outputs", "outputs")
         return Conditions(self.names(states), given, self.found(states), _known(self.solve, inputs, "rest.solve", "inputs"))
 

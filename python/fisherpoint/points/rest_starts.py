@@ -1,4 +1,4 @@
-"""Where runs that start at rest start, by the parameters, and how that moves with them.
+"""Starts of runs that start at rest, by the parameters, and their derivatives by these.
 
 With f the rates of the states z that are at rest, f(z, rest of x0, u, theta) = 0 gives dz/dtheta = -f_z^-1 f_theta. Where some
 states or outputs are given instead, z has the inputs too that keep them there, and f has the outputs less what they are to be.
@@ -45,7 +45,7 @@ class RunStarts(NamedTuple):
 
 
 def starts_of(model: Model, runs: Runs, theta: Array, tangents: bool = True) -> RunStarts:
-    """Where runs start at parameters (p,) or (K, p) of the model; what has no rest keeps its x0."""
+    """Starts of runs at parameters (p,) or (K, p) of the model; a run without rest keeps its x0."""
     status = np.zeros(len(runs), dtype=np.int32)
     if runs.rests is None:
         return RunStarts(runs.x0, np.empty(0), status)
@@ -178,7 +178,7 @@ class _Resting:
         return np.column_stack([self.x0[:, self.places], self.inputs[:, self._solved]])
 
     def _rates(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array]:
-        """What vanishes (m, r) and its derivatives by theta and z (m, r, p + r) at unknowns (m, r) of rows."""
+        """Residuals (m, r), zero at rest, and their derivatives by theta and z (m, r, p + r) at unknowns (m, r) of rows."""
         given = np.empty((len(z), 0)), self._u[rows], np.column_stack([self._theta[rows], z])
         f = np.array(self._core.output(*given)).reshape(len(z), self._count)
         f[:, len(self.conditions.rates) :] -= self.outputs[rows]
@@ -188,12 +188,12 @@ class _Resting:
         return f, slopes
 
     def _pulled(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array]:
-        """What vanishes at the rest that has the totals of the start, and its derivatives by z (m, r, r)."""
+        """Residuals, zero at the rest that has the totals of the start, and their derivatives by z (m, r, r)."""
         f, slopes = self._rates(z, rows)
         return self._totals.pulled(f, slopes[:, :, self._theta.shape[1] :], z, rows)
 
     def _inside(self, z: Array, rows: NDArray[np.intp], all_limits: bool = False) -> NDArray[np.bool_]:
-        """Where unknowns keep inside the model's domain, and on the guess's side of its poles; limits along the way are no part."""
+        """Whether unknowns are inside the model's domain, and on the guess's side of its poles; other limits are ignored."""
         model, poles = self.model, len(self.model.poles)
         own = [m for m, name in enumerate(model.domain) if m >= poles and (all_limits or name not in model.along)]
         if not model.domain or not len(z):
@@ -236,7 +236,7 @@ class _Resting:
         return -solved(found.jacobian[rows], by_theta, self.scale)
 
     def starts(self, found: Equilibria, rows: NDArray[np.intp]) -> Array:
-        """The states that are found (m, n) of some rows, less the deviation where that is part of a total that is kept."""
+        """The solved states (m, n) of some rows, less the deviation where that is part of a conserved total."""
         n = len(self.places)
         return np.asarray(found.z[rows, :n] - self._totals.shared[rows, :n] * self._deviation[rows][:, self.places])
 
@@ -259,7 +259,7 @@ class _Resting:
         return np.asarray(self.model.core.switching(*self._whole(z, rows), theta)).reshape(len(z), -1)
 
     def on_surface(self, z: Array, count: int) -> NDArray[np.bool_]:
-        """On which of the first `count` switching surfaces equilibria (n, r) lie, (n, count), so that moving z changes sides."""
+        """Whether equilibria (n, r) lie on the first `count` switching surfaces, (n, count), so that moving z changes sides."""
         rows, signs = np.arange(len(z)), []
         for move in (np.zeros_like(self.scale), *np.diag(self.scale), *-np.diag(self.scale)):
             signs.append(np.sign(self._switching(z + NEAR * move, rows, self._theta)[:, :count]))

@@ -23,7 +23,7 @@ MEASURED = Quantity("measured", "1", "whether the outputs are measured at the se
 REST, ALL = "rest", "all"
 """The column that names the states that are at rest at the start, and what stands there for all; `rest_u` has the input u."""
 TIMES = "t", "time", "time_of_sample"
-"""What a column of times is called: the first that is no input of the model."""
+"""Names of a column of times: the first that is no input of the model is used."""
 
 HOLD, SOLVE = "rest_hold", "rest_solve"
 """Columns that name the states that rest where x0 says, and the inputs that keep the plant there; `rest_y_q` has the output q."""
@@ -32,7 +32,7 @@ NOTHING: Mapping[str, Array] = FrozenMapping({})
 
 
 class RunArrays(Protocol):
-    """What a file has of `Runs`, which stand above this module."""
+    """The part of `Runs` that a file has; these stand above this module."""
 
     x0: Array
     u: Array
@@ -184,7 +184,7 @@ def runs_of_table(
 
 
 def time_name(inputs: Sequence[str]) -> str:
-    """What a column of times is called beside inputs of these names."""
+    """Name of a column of times beside inputs of these names."""
     return next(name for name in TIMES if name not in inputs)
 
 

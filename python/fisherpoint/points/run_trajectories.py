@@ -145,7 +145,7 @@ def _freed(model: Model, names: tuple[str, ...]) -> Model:
 
 
 def _resting(status: IntArray, theta: Array) -> tuple[slice | NDArray[np.intp], Array]:
-    """Which runs have a start, and their parameters."""
+    """Rows of the runs that have a start, and their parameters."""
     if not status.any():
         return slice(None), theta
     rows = np.flatnonzero(status == Status.ok)
@@ -167,7 +167,7 @@ def _whole(
 
 
 def _spread(part: NDArray[Any], rows: slice | NDArray[np.intp], count: int) -> NDArray[Any]:
-    """What some rows have, with zeros in the others."""
+    """Results of some rows, with zeros in the others."""
     if isinstance(rows, slice):
         return part
     whole = np.zeros((count, *part.shape[1:]), dtype=part.dtype)

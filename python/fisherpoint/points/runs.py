@@ -187,7 +187,7 @@ class Runs(InNotebooks):
         return Experiments(self.x0, self.u[:, 0], self.dt[:, 0], columns=self.columns)
 
     def key(self, run: int, segments: int | None = None) -> Hashable:
-        """What is done to the plant in the first `segments` of a run, or in all of them: equal keys, equal trajectories.
+        """Key of what is done to the plant in the first `segments` of a run, or in all: equal keys, equal trajectories.
 
         It has the start and how that is found, the inputs and the durations, where -0.0 is 0.0; not which segments are measured,
         and nothing behind the last segment.
@@ -210,7 +210,7 @@ class Runs(InNotebooks):
         return np.unique(of, return_index=True)[1], of
 
     def _samples(self, run: int) -> Hashable:
-        """What is done in a run, and which segments are measured."""
+        """Key of what is done in a run, and of which segments are measured."""
         return self.key(run), np.flatnonzero(self.measured[run]).tobytes()
 
     def first_difference(self, other: Runs, own: NDArray[np.intp]) -> NDArray[np.intp]:

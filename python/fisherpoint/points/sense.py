@@ -1,4 +1,4 @@
-"""Which parameters make sense to a model."""
+"""Whether parameters make sense to a model."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..models import Model
 
 
 def sensible(model: Model, theta: Array) -> NDArray[np.bool_]:
-    """Which of the parameters (B, p) make sense to the model."""
+    """Whether each set of parameters (B, p) makes sense to the model."""
     finite = np.asarray(np.isfinite(theta).all(axis=1))
     if not len(theta) or (finite.all() and _makes_sense(model, theta)):
         return finite

@@ -22,7 +22,7 @@ FINEST, COARSEST = 1e-13, 0.1
 """The least tolerance that doubles can keep, and the largest that is one."""
 
 FINER = 1e-3
-"""Times the tolerance, where it decides whether a trajectory touches a surface or passes beside it."""
+"""Multiple of the tolerance that decides whether a trajectory touches a surface or passes beside it."""
 
 
 class Integration(NamedTuple):

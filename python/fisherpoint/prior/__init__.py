@@ -1,1 +1,1 @@
-"""What is known of the parameters before any experiment, and rules for expectations over it."""
+"""Priors of the parameters, and rules for expectations over them."""

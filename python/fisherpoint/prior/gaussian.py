@@ -1,4 +1,4 @@
-"""What is known of the parameters before the experiments."""
+"""Gaussian and log-normal priors of the parameters."""
 
 from __future__ import annotations
 

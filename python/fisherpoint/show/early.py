@@ -1,4 +1,4 @@
-"""What happens early: which axes of time are logarithmic, and from when on, so that it is seen beside what takes long."""
+"""Early transients: axes of time that are logarithmic, and from when on, so that they are seen beside slow changes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def is_fast(outputs: Array, shares: ArrayLike) -> bool:
 
 
 def begin(outputs: Array) -> int:
-    """From where on outputs (T, n_y) are drawn over a logarithmic time: before that hardly anything happens."""
+    """Time from which on outputs (T, n_y) are drawn over a logarithmic axis: before that hardly anything happens."""
     return max(0, int((np.nanmax(_changed(outputs), axis=1) < LITTLE).sum()) - 1)
 
 

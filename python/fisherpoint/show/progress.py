@@ -44,7 +44,7 @@ def check_progress(progress: object) -> None:
 def following(
     progress: bool | F | None, what: str, step: Callable[..., Step], first: str = "", *, counted: bool = True
 ) -> Iterator[F | None]:
-    """What a work is to call with its progress: the function that was given, one that moves a bar, or nothing.
+    """Function to call with the progress of a work: the given one, one that moves a bar, or None.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ def shares_of(segments: int) -> tuple[float, ...]:
 
 
 class RunTime:
-    """Where the instants of a run are drawn.
+    """Positions at which the instants of a run are drawn.
 
     A single segment that is fast at first has a logarithmic axis, as a point has. A run with a segment below `SHORTEST` of it has
     an axis on which all segments are equally wide, with their durations written below; within a segment it is linear. Any other

@@ -1,4 +1,4 @@
-"""What results hand out to be shown: a report of titled tables, facts and warnings, whatever it is rendered to."""
+"""Reports of results: titled tables, facts and warnings, whatever they are rendered to."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Section:
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """A headline, sections, and what the user should not miss; `print` shows them.
+    """A headline, sections and warnings; `print` shows them.
 
     Where the headline is more than a line, a page has a short title above it, and shows it as these lines.
     """

@@ -14,7 +14,7 @@ from .numbers import computed
 from .style import NOISE, PRIOR, STYLE, Picture, share_formatter
 
 DECADE = 0.08
-"""Where logarithmic axes of shares of the prior std begin at the latest: a decade below 1, so that there are two labels."""
+"""Largest lower end of logarithmic axes of shares of the prior std: a decade below 1, so that there are two labels."""
 
 
 def standard_error_figure(

@@ -1,4 +1,4 @@
-"""What is a table of numbers by itself, such as points and data, as a notebook shows it: its first rows."""
+"""Preview of tables of numbers, such as points and data, in a notebook: their first rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the virtual experiments of one design gave."""
+"""Results of the virtual experiments of one design."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .fits import NO_DATA, WRONG, VirtualFits
 
 @dataclass(frozen=True, eq=False)
 class DesignValidation(InNotebooks):
-    """What the virtual experiments of one design gave.
+    """Results of the virtual experiments of one design.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the fits of virtual data have in common, each figure with its Monte Carlo error."""
+"""Figures of the fits of virtual data, each with its Monte Carlo error."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class OneParameter(NamedTuple):
 
 @dataclass(frozen=True)
 class ParameterFigures:
-    """What the fits of one design say about one parameter, SI units; errors are those of estimates about the truth of each run.
+    """Figures of one parameter from the fits of one design, SI units; errors are those of estimates about the truth of each run.
 
     Attributes
     ----------

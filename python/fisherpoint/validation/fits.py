@@ -69,7 +69,7 @@ class VirtualFits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Estimator:
-    """What turns the data of one design into estimates.
+    """Estimator that turns the data of one design into estimates.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Estimator:
 
     @property
     def null_directions(self) -> tuple[str, ...]:
-        """What the points leave open at the prior mean, in words."""
+        """Combinations that the points leave open at the prior mean, in words."""
         values = self.unknowns.values(self.starts[:1])
         return in_words(self.promise.null, self.unknowns.slopes(values)[0], values[0], self.unknowns.names)
 

@@ -31,7 +31,7 @@ MOST_RUNS, MORE = 10_000_000, 1.05
 
 
 class _Assumed(NamedTuple):
-    """What a figure is taken to be: as expected where that agrees with the runs, at 5 % over all figures, else as it seems."""
+    """Assumed value of a figure: the expected one where that agrees with the runs, at 5 % over all, else the observed one."""
 
     value: float
     expected: float

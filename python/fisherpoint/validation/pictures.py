@@ -58,7 +58,7 @@ def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
 
 
 def _limits(designs: Iterable[DesignValidation]) -> tuple[float, float]:
-    """What the axis of standard errors shows: the prior, what is promised and typical, and the size of most errors.
+    """Entries on the axis of standard errors: the prior, what is promised and typical, and the size of most errors.
 
     A few fits that ran off make the achieved standard error as large as it likes; then that lies outside, and is marked.
     """

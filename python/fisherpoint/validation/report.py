@@ -43,7 +43,7 @@ LEGEND = (
 
 
 class Validated(Protocol):
-    """What a report is made of: a `Validation`."""
+    """Content of a report: a `Validation`."""
 
     @property
     def problem(self) -> DesignProblem: ...
@@ -134,7 +134,7 @@ def _names(verdicts: list[ParameterVerdict]) -> str:
 
 
 def _advice(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> list[str]:
-    """What to do, of what surely helps against what was seen; the most urgent first."""
+    """Advice that surely helps against what was seen, the most urgent first."""
     return list(_all_advice(validation, design, verdicts))
 
 
@@ -169,7 +169,7 @@ def _all_advice(validation: Validated, design: DesignValidation, verdicts: Mappi
 
 
 def done(validation: Validated) -> str:
-    """What was done, in a sentence."""
+    """Description of the validation, in a sentence."""
     theta = validation.theta
     truth = {"prior": "true parameters from the prior", "mean": "true parameters at the prior mean"}
     said = truth[theta] if isinstance(theta, str) else "true parameters as given"

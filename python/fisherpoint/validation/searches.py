@@ -37,7 +37,7 @@ several that came to no end."""
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """Where B searches ended: minima, the noise (B, n_y, n_y) where it was estimated, and which minima are wrong (B,)."""
+    """Ends of B searches: minima, the noise (B, n_y, n_y) where it was estimated, and which minima are wrong (B,)."""
 
     minima: Minima
     noise: Array
@@ -116,7 +116,7 @@ class Searches:
 
     @staticmethod
     def _to_go_on(minima: Minima, lowest: Minima, same: Array) -> NDArray[np.bool_]:
-        """What ended too high, or without a minimum where the search from the truth has one: there may be none to find."""
+        """Searches that ended too high, or without a minimum where the one from the truth has one: there may be none to find."""
         without = (minima.end != CONVERGED) & (lowest.end == CONVERGED)
         return np.asarray(without | (minima.cost > lowest.cost + same))
 
@@ -135,7 +135,7 @@ class Searches:
 
     @staticmethod
     def _take_lower(found: Searched, rows: NDArray[np.intp], other: Searched, same: Array) -> None:
-        """Where another search ended lower, or as low and at a minimum, take it."""
+        """Take the end of another search where it is lower, or as low and at a minimum."""
         mine, new = found.some(rows).minima, other.minima
         found.minima.evaluations[rows] += new.evaluations
         near = np.abs(new.cost - mine.cost) <= same[rows]

@@ -56,7 +56,7 @@ class Rig:
         return cls(model, assumed, std)
 
     def measure(self, points: Experiments | Runs, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray, Array]:
-        """What virtual experiments with true parameters (B, p) give.
+        """Results of virtual experiments with true parameters (B, p).
 
         Returns
         -------
@@ -96,7 +96,7 @@ class Rig:
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """Random numbers of virtual experiments, the same for every design: what differs between designs then is the designs."""
+    """Random numbers of virtual experiments, the same for every design, so that results differ by the designs alone."""
 
     noise: np.random.Generator
     constants: np.random.Generator

@@ -37,7 +37,7 @@ HOLDS, BROKEN, OPEN = "holds", "broken", "open"
 
 @dataclass(frozen=True)
 class ParameterVerdict:
-    """What was shown of one parameter.
+    """Verdict on one parameter.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ MAX_POWER = 1024  # larger integer powers are left to `pow`
 
 @dataclass(frozen=True)
 class Leaves:
-    """What an expression can read, in the order of a program's registers: theta, u, x, side and dx."""
+    """Leaves that an expression can read, in the order of a program's registers: theta, u, x, side and dx."""
 
     parameters: int
     inputs: int

@@ -55,5 +55,5 @@ CODES = {operation.name: code for code, operation in enumerate(TABLE)}
 COMMUTATIVE = frozenset({"add", "mul", "min", "max"})
 ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "sign"})
 PARTIAL = frozenset({"div", "sqrt", "log", "exp", "sinh", "cosh", "tan", "asin", "acos", "pow"})
-"""What has no finite value everywhere: a product of it and zero may be NaN."""
+"""Operations without a finite value everywhere: a product of one and zero may be NaN."""
 EVEN = frozenset({"cos", "cosh", "abs"})

@@ -24,7 +24,7 @@ Entries = tuple[tuple[int, int], ...]
 
 
 class ResetLike(Protocol):
-    """What sets states anew, see `build_programs`."""
+    """Resets of states, see `build_programs`."""
 
     @property
     def condition(self) -> Any: ...
@@ -36,7 +36,7 @@ class ResetLike(Protocol):
 
 @dataclass(frozen=True)
 class Programs:
-    """What the core runs a model by.
+    """Programs by which the core runs a model.
 
     Entries (i, k) are places of derivatives of component i by variable k: state k for k < n_x, else parameter k - n_x. Those by
     states come first, sorted by (i, k), then those by parameters, sorted by (k, i).

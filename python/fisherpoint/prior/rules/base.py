@@ -1,4 +1,4 @@
-"""What every rule can do."""
+"""Interface of every rule."""
 
 from __future__ import annotations
 
