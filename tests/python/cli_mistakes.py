@@ -148,9 +148,7 @@ MISTAKES: dict[str, Mistake] = {
     "percent": enzyme(
         "relative_std = 0.20", "relative_std = 20", "prior.V.relative_std: expected a share of at most 3, such as 0.2 for 20 %"
     ),
-    "share of nothing": enzyme(
-        "mean = 212.7", "mean = 0.0", "prior.V: expected std instead of relative_std, as the mean is 0"
-    ),
+    "share of nothing": enzyme("mean = 212.7", "mean = 0.0", "prior.V: expected std instead of relative_std, as the mean is 0"),
     "logarithm of a negative": enzyme("mean = 0.0641,", "mean = -0.0641,", "prior.K: expected a mean > 0 with log = true"),
     "misspelt key": enzyme("relative_std = 0.20", "relativ_std = 0.20", "prior.V.relativ_std", '(did you mean "relative_std"?)'),
     "missing parameter": enzyme("K = { mean", "# K = { mean", "prior.K: missing; expected {mean = "),

@@ -89,8 +89,7 @@ MISTAKES = {
     "share of nothing": (
         "mean = 400.0",
         "mean = 0",
-        "prior.a_tau: expected std instead of relative_std, as the mean is 0, given "
-        '{mean = 0, relative_std = 0.3, unit = "N"}',
+        'prior.a_tau: expected std instead of relative_std, as the mean is 0, given {mean = 0, relative_std = 0.3, unit = "N"}',
     ),
     "logarithm of nothing": (
         "mean = 400.0,    relative_std",
