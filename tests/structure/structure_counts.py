@@ -144,9 +144,9 @@ LIMITS: dict[Callable[[], int], int] = {
     protocols: 24,
     json_functions: 39,
     long_signatures: 12,
-    shared_class_names: 13,
-    dialect: 345,
-    hanging_docstrings: 57,
+    shared_class_names: 12,
+    dialect: 33,
+    hanging_docstrings: 5,
     search_constants: 316,
 }
 
