@@ -68,5 +68,6 @@ def refilled(e: float, k: float, h0: float, start: float, q: float, t: float) ->
     rates = lambda s, w: [e * (q * s - k * w[0]) / max(w[0], 1e-30) ** p]  # noqa: E731
     jac = lambda s, w: [[-e * (p * q * s * w[0] ** (-p - 1) + (1 - p) * k * w[0] ** -p)]]  # noqa: E731
     w0 = (np.sqrt(k * k + 8 * q) - k) / 4 * first if e == 0.5 else q * first / k
-    done = solve_ivp(rates, (first, t - start), [w0], "Radau", jac=jac, rtol=1e-11, atol=1e-14)
+    with np.errstate(divide="ignore"):  # of steps whose estimated error is zero
+        done = solve_ivp(rates, (first, t - start), [w0], "Radau", jac=jac, rtol=1e-11, atol=1e-14)
     return float(done.y[0, -1] ** (1 / e))
