@@ -218,7 +218,7 @@ def test_the_words_say_what_is_proven() -> None:
 def test_a_proof_that_falls_short_says_why() -> None:
     design = fp.approximate(MICHAELIS, n_candidates=50, starts=20)
     short = replace(design, efficiency=0.8, largest=1.25)
-    assert "at least 80 % only: the search ended while it still came to places" in " ".join(str(short).split())
+    assert "at least 80 % only: the search ended while it still found places" in " ".join(str(short).split())
     assert "at least 80 % only: double precision has no more here" in " ".join(str(replace(short, starts=0)).split())
     assert "only:" not in str(design)
 
