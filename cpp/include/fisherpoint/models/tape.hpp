@@ -268,7 +268,8 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
       resets_(std::move(resets)),
       dependence_([&] {
         using detail::expect;
-        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured, n_resets, n_holds] = shape_;
+        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured, n_resets, n_holds] =
+            shape_;
         expect(sided_limits || !detail::reads_sides(programs_.surfaces, shape),
                "surfaces: expected sides to be read as the shape says");
         expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
