@@ -34,6 +34,7 @@ def compare(model: fp.SymbolicModel, x0: list[float], theta: list[float], t: flo
     slopes = fp.sensitivities(model, points, theta, rtol=1e-8, **options)
     assert [str(states.statuses[0]), str(slopes.statuses[0])] == ["ok", "ok"], case
     np.testing.assert_allclose(states.y[0], right(*theta), rtol=0, atol=1e-8, err_msg=str(case))
+    np.testing.assert_allclose(slopes.y[0], states.y[0], rtol=0, atol=1e-7, err_msg=str(case))
     expected = []
     for j, value in enumerate(theta):
         h = 1e-4 * abs(value)
@@ -83,25 +84,20 @@ THREE_TANKS = model_of(
 )
 
 
-def test_three_tanks_settle_at_equal_levels() -> None:
-    """Where two levels meet the third in one instant, to the tolerance, sensitivities may end as `two_jumps`."""
-    refused = 0
-    for seed in SEEDS:
-        rng = np.random.default_rng([2, seed])
-        levels = [nice(rng, 0, 1.5) for _ in range(3)]
-        theta = [positive(rng, 0.5, 2) for _ in range(4)]
-        if seed % 10 == 0:
-            levels = [levels[0]] * 3
-        points = fp.Experiments([levels], np.empty((1, 0)), [40.0])
-        if str(fp.sensitivities(THREE_TANKS, points, theta, rtol=1e-8).statuses[0]) == "two_jumps":
-            refused += 1
-            continue
+@pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau", None])
+@pytest.mark.parametrize("seed", SEEDS[::2])
+def test_three_tanks_settle_at_equal_levels(seed: int, method: str | None) -> None:
+    """Both levels meet the third in one instant, or one of them so shortly before the other that the tolerance cannot tell."""
+    rng = np.random.default_rng([2, seed])
+    levels = [nice(rng, 0, 1.5) for _ in range(3)]
+    theta = [positive(rng, 0.5, 2) for _ in range(4)]
+    if seed % 10 == 0:
+        levels = [levels[0]] * 3
 
-        def right(k: float, c1: float, c2: float, c3: float, levels: list[float] = levels) -> list[float]:
-            return [(c1 * levels[0] + c2 * levels[1] + c3 * levels[2]) / (c1 + c2 + c3)] * 3
+    def right(k: float, c1: float, c2: float, c3: float) -> list[float]:
+        return [(c1 * levels[0] + c2 * levels[1] + c3 * levels[2]) / (c1 + c2 + c3)] * 3
 
-        compare(THREE_TANKS, levels, theta, 40.0, right)
-    assert refused <= 6
+    compare(THREE_TANKS, levels, theta, 40.0, right, method=method)
 
 
 PUMPED = model_of(["1", "(a*cos(w*t) - k*sign(p - q)*sqrt(abs(p - q)))/C", "k*sign(p - q)*sqrt(abs(p - q))/C"], "t p q", "a w k C")

@@ -51,6 +51,11 @@ class Integrator {
     std::size_t step;
     P which, surface;
   };
+  // That a steep surface holds lanes from this step on, and how long before it was not to be told from there.
+  struct Held {
+    std::size_t step;
+    P instant;
+  };
 
  public:
   Integrator(const Equation& equation, const Tolerance& tolerance)
@@ -79,6 +84,7 @@ class Integrator {
   // Of every reset: whether its condition held before the start, -1 where that is not known, and now.
   ShelfVector<P>& held() { return held_; }
   const ShelfVector<SetAnew>& resets() const { return resets_; }
+  const ShelfVector<Held>& holds() const { return holds_; }
   // The sides on which such a run begins if it is on every jump that is `met`, 1 there and 0 elsewhere.
   Side sides_from(const State& y, const P& duration, const Side& from, const Side& met, Mask& stopped);
 
@@ -474,6 +480,8 @@ class Integrator {
   Retyped<Side, Mask> resting_;  // the trajectory lies on this surface, which does not move on the side where it is
   bool any_rest_ = false;
   P span_, first_try_;  // the duration, and the size of the first step that is tried
+
+  ShelfVector<Held> holds_;
 
   // Of models that set states anew (resets.hpp).
   ShelfVector<P> held_;

@@ -49,10 +49,27 @@ auto Tangents<M, P, Method>::meets(auto m, const Side& before, const Side& after
 // In the order of the jumps, and in the other one: which of them is first may hang on a parameter.
 template <class M, class P, class Method>
 auto Tangents<M, P, Method>::pass_several(const Mask& lanes, const Side& before, const Side& after) -> Mask {
+  Mask in_order = lanes_of<P>::none();  // in which it meets a jump too
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) { in_order = in_order | (lanes & meets(m, before, after)); });
+  if (const Mask held = lanes & !in_order; any(held)) hold_on_several(held, after);
+  if (!any(in_order)) return in_order;
   auto otherwise = *this;
-  const auto grazes = pass_in_order(lanes, before, after, false) | otherwise.pass_in_order(lanes, before, after, true);
-  hangs_on_order_ = hangs_on_order_ | (lanes & differs(otherwise, 1e-4));
+  const auto grazes = pass_in_order(in_order, before, after, false) | otherwise.pass_in_order(in_order, before, after, true);
+  hangs_on_order_ = hangs_on_order_ | (in_order & differs(otherwise, 1e-4));
   return grazes;
+}
+
+// Onto several surfaces that begin to hold these lanes in one instant, along what the root at each of them moves.
+template <class M, class P, class Method>
+void Tangents<M, P, Method>::hold_on_several(const Mask& lanes, const Side& after) {
+  SeveralStage<M, P> stage;
+  Jacobian<M, P> unused = jacobian_[0];
+  State there;
+  fit(there, f_.states);
+  linearise_ahead(x, after, true, there, unused);
+  stage.linearise(f_, x, after, P(0.0), lanes, there, unused);
+  stage.enter(f_, lanes, x, s);
+  stage.keep_on(f_, lanes, x, s);
 }
 
 template <class M, class P, class Method>

@@ -100,6 +100,26 @@ class SeveralStage {
     return cancelled;
   }
 
+  // Takes x and S onto the surfaces in these lanes, along what the surfaces' sides change of f.
+  void enter(const Equation& f, const Mask& lanes, State& x, Columns<M, P>& s) const {
+    ShelfVector<P> share(count());
+    for (int i = 0; i < count(); ++i) share[i] = normal_[i].value;
+    system_.solve(share.data());
+    for (int j = 0; j < count(); ++j)
+      for_each_index(f.states, [&](auto n) { x[n] -= select(lanes, d_[j][n] * share[j], P(0.0)); });
+    for_each_index(f.parameters, [&](auto k) {
+      P* const column = &s[f.dependence.column_start[k]];
+      const auto rows = f.dependence.rows(k);
+      for (int i = 0; i < count(); ++i) {
+        share[i] = normal_[i].by_theta[k];
+        for_each_variable(rows, [&](auto n) { share[i] += normal_[i].by_state[n] * column[detail::below(rows, n)]; });
+      }
+      system_.solve(share.data());
+      for (int j = 0; j < count(); ++j)
+        for_each_variable(rows, [&](auto n) { column[detail::below(rows, n)] -= select(lanes, d_[j][n] * share[j], P(0.0)); });
+    });
+  }
+
   // Takes x onto the surfaces in some of the lanes, near to where this was made, and S to what is known there.
   void keep_on(const Equation& f, const Mask& lanes, State& x, Columns<M, P>& s) {
     for (int i = 0; i < count(); ++i) {

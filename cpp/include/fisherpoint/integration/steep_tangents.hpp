@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 
+#include "fisherpoint/integration/implicit_tangents.hpp"
 #include "fisherpoint/integration/tangents.hpp"
 
 namespace fisherpoint {
@@ -28,15 +29,32 @@ class SteepTangents {
   static constexpr std::array weights = {0.1739274225687269, 0.3260725774312731, 0.3260725774312731, 0.1739274225687269};
 
  public:
-  // Both must outlive the object.
-  SteepTangents(const Equation& equation, Tangents<M, P, Method>& tangents, double tolerance)
-      : f_(equation), to_(tangents), most_(std::max(0.1 * tolerance, hold_height)) {
+  // All but `tolerance` must outlive the object; `implicit` takes implicit steps, where paths have such.
+  SteepTangents(const Equation& equation, Tangents<M, P, Method>& tangents, ImplicitTangents<M, P, Method>* implicit,
+                double tolerance)
+      : f_(equation), to_(tangents), implicit_(implicit), most_(std::max(0.1 * tolerance, hold_height)) {
     fit(rate_, f_.states);
     fit(at_, f_.states);
   }
 
-  // A step onto the surfaces whose sides differ on the steps behind it, in lanes where `size` is not 0.
-  [[gnu::noinline]] void approach(const P& size, const Side& side, const Side& behind, const P& part) {
+  // A step, implicit in some lanes. Where these are next to a surface that holds them, it goes along that.
+  void advance(const P& size, const Side& side, const Mask& implicit, const Mask& beside = lanes_of<P>::none()) {
+    Mask held = lanes_of<P>::none();
+    if (implicit_ && any(implicit)) {
+      Side on = side;
+      held = step_off(select(implicit, size, P(0.0)), side, on);
+      if (any(held)) {
+        to_.pass(side, on);
+        to_.advance(select(held, size, P(0.0)), on);
+      }
+      implicit_->advance(select(implicit & !held, size, P(0.0)), side);
+    }
+    to_.advance(select(implicit | held, P(0.0), size), side, beside);
+  }
+
+  // A step onto the surfaces whose sides differ on the steps behind it, in lanes where `size` is not 0; by implicit steps in
+  // those of `implicit`.
+  [[gnu::noinline]] void approach(const P& size, const Side& side, const Side& behind, const P& part, const Mask& implicit) {
     Mask lanes = size > P(0.0);
     if (!any(lanes)) return;
     P left = select(lanes, max(size + lag_, P(0.0)), P(0.0));
@@ -53,7 +71,7 @@ class SteepTangents {
     const Mask rises = lanes & !(met.value > nearest * met.size) & (met.rate > P(0.0));
     if (any(rises)) {
       const P half = select(rises, 0.5 * left, P(0.0));
-      rise(half, side, met, part);
+      rise(half, side, met, part, implicit);
       left -= half;
       met = look(lanes, side, behind, behind);
     }
@@ -63,41 +81,38 @@ class SteepTangents {
       const P distance = -met.value / met.rate;
       const Mask known = (met.rate < P(0.0)) & ((distance <= 2.0 * left) | (left <= 1e-3 * size));
       const P step = select(far, part * select(known, distance, left), P(0.0));
-      to_.advance(step, side);
+      advance(step, side, implicit);
       left -= step;
       met = look(lanes, side, behind, behind);
     }
     // Where f behind the surface does not move it, it comes to rest.
-    const Mask falls = lanes & (met.rate < P(0.0)) & (met.value > P(0.0));
-    const Mask stops = falls & !held & (abs(met.rate_behind) <= 1e-3 * abs(met.rate));
+    const Mask falls = lanes & !held & (met.rate < P(0.0)) & (met.value > P(0.0));
+    const Mask stops = falls & (abs(met.rate_behind) <= 1e-3 * abs(met.rate));
     const P rest = select(falls, -met.value / met.rate, P(0.0));
     for (int i = 0; i < f_.states; ++i) to_.x[i] += rest * met.rates[i];
-    add_up(select(falls & !stops & !held, rest, P(0.0)), -1.0, met.rates, side);
+    add_up(select(falls & !stops, rest, P(0.0)), -1.0, met.rates, side);
     if (any(stops)) settle(stops, met);
     lag_ = select(lanes, left - rest, lag_);
   }
 
   // A step off the surfaces whose sides differ on the steps before it.
-  [[gnu::noinline]] void leave(const P& size, const Side& side, const Side& before, const P& part) {
+  [[gnu::noinline]] void leave(const P& size, const Side& side, const Side& before, const P& part, const Mask& implicit) {
     const Mask lanes = size > P(0.0);
     if (!any(lanes)) return;
     const P whole = select(lanes, max(size + lag_, 1e-6 * size), P(0.0));
     lag_ = select(lanes, size - whole + lag_, lag_);
     const Met met = look(lanes, side, before, side);
-    rise(whole, side, met, part);
+    rise(whole, side, met, part, implicit);
   }
 
-  // Of steps along surfaces that hold trajectories: with what the way to them took less, or more.
-  P along(const P& size, const Side& side) {
-    Mask lanes = lanes_of<P>::none();
-    for_each_index(f_.jumps_end, f_.holds_end, [&](auto m) { lanes = lanes | slides(side[m]); });
-    lanes = lanes & (size > P(0.0)) & ((lag_ > P(0.0)) | (lag_ < P(0.0)));
-    if (!any(lanes)) return size;
+  // A step behind a surface, with what the way there took less, or more.
+  P made_up(const P& size) {
     const P whole = max(size + lag_, P(0.0));
-    lag_ = select(lanes, size + lag_ - whole, lag_);
-    return select(lanes, whole, size);
+    lag_ = select(size > P(0.0), size + lag_ - whole, lag_);
+    return select(size > P(0.0), whole, size);
   }
 
+ private:
   // Of implicit steps next to a surface: where it holds this trajectory, a little before or behind the states', its side is 0
   // on `held`, and these lanes are returned. The others are to begin where f_x is finite, beside the surface or where the root
   // balances what drives it.
@@ -149,7 +164,6 @@ class SteepTangents {
     return holds;
   }
 
- private:
   // The surface that a lane meets, as seen from its side: its value and rate, f, and its rate by f on other sides.
   struct Met {
     P value{0.0}, rate{0.0}, rate_behind{0.0}, size{0.0};
@@ -158,7 +172,7 @@ class SteepTangents {
   };
 
   // Off a surface, for some time: by steps that each take a part of the time since.
-  void rise(const P& whole, const Side& side, const Met& met, const P& part) {
+  void rise(const P& whole, const Side& side, const Met& met, const P& part, const Mask& implicit) {
     // From a limit, of which there is no gradient, it has moved after any time.
     const P reach = select(met.size > P(0.0), nearest * met.size / abs(met.rate), P(0.0));
     const Mask moves = reach < 0.1 * whole;
@@ -171,11 +185,11 @@ class SteepTangents {
     for (int k = 0; k < most_steps; ++k) {
       const P step = select(moves, min((part / (1.0 - part)) * done, whole - done), whole - done);
       if (!any(step > P(0.0))) break;
-      to_.advance(step, side);
+      advance(step, side, implicit);
       done += step;
     }
     const P step = whole - done;
-    if (any(step > P(0.0))) to_.advance(step, side);
+    if (any(step > P(0.0))) advance(step, side, implicit);
   }
 
   // S where the root balances what drives the trajectory: h_x S does so too, which it comes to at once.
@@ -288,6 +302,7 @@ class SteepTangents {
 
   const Equation& f_;
   Tangents<M, P, Method>& to_;
+  ImplicitTangents<M, P, Method>* implicit_;
   double most_;  // the greatest height at which the states' implicit steps begin
   P lag_{0.0};   // by how much later, or earlier, the surface was met
   State rate_, at_;

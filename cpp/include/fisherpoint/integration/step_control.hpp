@@ -54,6 +54,9 @@ inline constexpr double on_surface = 1e-13;
 // make of it, it is held there. Sensitivities across the surface are off by the root of it.
 inline constexpr double hold_height = 1e-12;
 
+// A second surface that comes to hold the trajectory from below this height, or a tenth of the tolerance, does so at once.
+inline constexpr double least_told_apart = 1e-10;
+
 // By how far less than it pushes back from the other side, it may even point away.
 inline constexpr double hold_margin = 1e-6;
 

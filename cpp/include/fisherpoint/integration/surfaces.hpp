@@ -10,7 +10,10 @@ namespace fisherpoint {
 template <class Equation, class Method>
 void Integrator<Equation, Method>::settle(const Mask& taken) {
   for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
-    const P newton = -end_value_[m] / end_rate_[m];
+    const P slope = -end_value_[m] / end_rate_[m];
+    // Where another surface takes hold, the rate at the end is not that of the step: there it is the chord's zero.
+    const P chord = step_ * min(along_[m].b4, P(0.0)) / max(along_[m].b0 - along_[m].b4, P(1e-300));
+    const P newton = select(slope < P(0.0) - step_, chord, slope);
     Mask known = abs(newton) <= 0.5 * step_;  // none at a rate next to zero
     if (f_.dependence.steep(m)) {
       known = known | (abs(newton) <= brink * span_);

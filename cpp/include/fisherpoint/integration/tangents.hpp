@@ -157,6 +157,7 @@ class Tangents {
 
   Mask meets(auto m, const Side& before, const Side& after) const;
   [[gnu::noinline]] Mask pass_several(const Mask& lanes, const Side& before, const Side& after);
+  void hold_on_several(const Mask& lanes, const Side& after);
   Mask pass_in_order(const Mask& lanes, const Side& before, const Side& after, bool backwards);
   Mask pass_jump(auto m, const Mask& here, const Side& before, const Side& after);
   [[gnu::noinline]] Mask set_anew(const auto& resets, const Side& before, const Side& after);  // reset_tangents.hpp

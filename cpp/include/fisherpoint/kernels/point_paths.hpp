@@ -36,6 +36,7 @@ struct PointPath {
     bool implicit;
     Steep steep = Steep::no;
     std::size_t first_reset = 0, resets_end = 0;  // at its start
+    double instant = 0.0;                         // a surface that holds it from there on may do so as much earlier
   };
   std::vector<double> sizes;
   std::vector<Run> runs;
@@ -77,6 +78,26 @@ bool meets_jump(const auto& shape, const PointPath<M>& path) {
   return path.ends_on_jump || !path.resets.empty();
 }
 
+// The same path without what lies so shortly before surfaces begin to hold the trajectory that the tolerance cannot tell it
+// from that: they hold it from there on. So do several of which one begins a little after the other.
+template <class M>
+PointPath<M> held_at_once(const auto& shape, PointPath<M> path) {
+  for (std::size_t r = path.runs.size(); r-- > 1;) {
+    const auto held = path.runs[r];
+    double before = 0.0;
+    for (std::size_t q = r; held.instant > 0.0 && q-- > 1 && path.runs[q].resets_end == held.resets_end;) {
+      auto& run = path.runs[q];
+      bool other = false;
+      for (int m = 0; m < shape.sides; ++m)
+        other = other || (run.side[m] != held.side[m] && (m < shape.jumps_end || m >= shape.holds_end || held.side[m] != 0.0));
+      for (std::size_t n = path.runs[q - 1].end; n < run.end; ++n) before += path.sizes[n];
+      if (other || before > held.instant) break;
+      run.side = held.side, run.implicit = held.implicit;
+    }
+  }
+  return path;
+}
+
 // The same path, of which the steps before and behind a surface where f_x has no bounds are one each: by so much as the
 // trajectory may meet it at another time, its own steps would be out of place. They are as long as half of the longest step on
 // that side.
@@ -89,15 +110,23 @@ PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const P
                    [&](auto m) { found = found || (dependence.steep(m) && run[m] != other[m] && run[m] != 0.0); });
     return found;
   };
+  const auto is_held = [&](const auto& run, const auto& other) {
+    bool found = false;
+    for (int m = shape.jumps_end; m < shape.holds_end; ++m) found = found || (run[m] != 0.0 && other[m] == 0.0);
+    return found;
+  };
   PointPath<M> marked = path.without_steps();
   std::size_t first = 0;
   for (std::size_t r = 0; r < path.runs.size(); ++r) {
     const auto& run = path.runs[r];
     // States that are set anew come to other sides without meeting the surface.
     const auto set_anew = [](const auto& at) { return at.resets_end > at.first_reset; };
-    const bool away = !run.implicit && !set_anew(run) && (r > 0 ? meets(run.side, path.runs[r - 1].side) : path.starts_on != 0);
-    const bool towards =
-        !run.implicit && r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) && meets(run.side, path.runs[r + 1].side);
+    // Implicit steps that begin where the root balances what drives the trajectory go on from there.
+    const bool away =
+        !set_anew(run) && (r > 0 ? (!run.implicit || path.runs[r - 1].implicit) && meets(run.side, path.runs[r - 1].side)
+                                 : !run.implicit && path.starts_on != 0);
+    const bool towards = r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) && meets(run.side, path.runs[r + 1].side) &&
+                         (!run.implicit || path.runs[r + 1].implicit || is_held(run.side, path.runs[r + 1].side));
     double longest = 0.0, whole = 0.0;
     for (std::size_t n = first; n < run.end; ++n) longest = std::max(longest, path.sizes[n]), whole += path.sizes[n];
     const double least = std::min(0.5 * longest, 0.4 * whole);
@@ -107,7 +136,7 @@ PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const P
       while (begin < end && behind < least) behind += path.sizes[begin++];
     if (towards)
       while (end > begin && before < least) before += path.sizes[--end];
-    if (towards && before < least) before = least, behind -= least;
+    if (towards && before < least) behind -= least - before, before = least;
     if (away) marked.push_back(behind, run.side, run.implicit, Steep::away, run.resets_end);
     for (std::size_t n = begin; n < end; ++n)
       marked.push_back(path.sizes[n], run.side, run.implicit, Steep::no, run.resets_end);

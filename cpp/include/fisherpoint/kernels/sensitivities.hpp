@@ -205,8 +205,12 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     taken.runs.clear();
     taken.resets.clear();
     auto reset = integrator.resets().begin();
+    auto hold = integrator.holds().begin();
     std::size_t n = 0;
     for (const auto& step : steps) {
+      double instant = 0.0;
+      for (; hold != integrator.holds().end() && hold->step <= n; ++hold)
+        instant = std::max(instant, lanes_of<P>::get(hold->instant, lane));
       for (; reset != integrator.resets().end() && reset->step <= n; ++reset)
         if (const double which = lanes_of<P>::get(reset->which, lane); which > 0.0)
           taken.resets.push_back({which, static_cast<int>(lanes_of<P>::get(reset->surface, lane))});
@@ -217,12 +221,14 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
         taken.push_back(share * size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane), Steep::no,
                         taken.resets.size());
       });
+      if (instant > 0.0) taken.runs.back().instant = instant;
     }
     taken.starts_on = lanes_of<P>::get(starts_at_limit, lane) ? at_limit : 0;
     for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) {
       if (lanes_of<P>::get(starts_on[m], lane) && taken.runs[0].side[m] != 0.0) taken.starts_on |= Variables{1} << m;
     });
     const bool steep = equation.dependence.any_steep() || taken.starts_on != 0;
+    if (shape.holds_end > shape.jumps_end) taken = held_at_once(shape, taken);
     paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken, first_refinement);
     paths[k].fineness = 1.0;
     if (shape.holds_end > shape.jumps_end) {  // onto a surface that holds it, from either side
@@ -279,7 +285,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   std::optional<SteepTangents<M, P, Method>> steep_tangents;
   if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return meets_steep(paths[k]); }) ||
       (shape.holds_end > shape.jumps_end && implicit_tangents))
-    steep_tangents.emplace(equation, tangents, tolerance.relative);
+    steep_tangents.emplace(equation, tangents, implicit_tangents ? &*implicit_tangents : nullptr, tolerance.relative);
   mask_of_lanes<P> grazes = lanes_of<P>::none();
   for_each_step<P, M>(
       shape, rows, paths,
@@ -288,20 +294,11 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
       },
       [&](P size, const auto& side, const auto& kind) {
         if (steep_tangents && any(kind.towards | kind.away)) {
-          steep_tangents->leave(select(kind.away, size, P(0.0)), side, kind.other, kind.part);
-          steep_tangents->approach(select(kind.towards, size, P(0.0)), side, kind.other, kind.part);
+          steep_tangents->leave(select(kind.away, size, P(0.0)), side, kind.other, kind.part, kind.implicit);
+          steep_tangents->approach(select(kind.towards, size, P(0.0)), side, kind.other, kind.part, kind.implicit);
           size = select(kind.towards | kind.away, P(0.0), size);
         }
-        if (steep_tangents) {
-          size = steep_tangents->along(size, side);
-          auto held = side;
-          const P implicit_size = select(kind.implicit, size, P(0.0));
-          if (const auto lanes = steep_tangents->step_off(implicit_size, side, held); any(lanes)) {
-            tangents.pass(side, held);
-            tangents.advance(select(lanes, size, P(0.0)), held);
-            size = select(lanes, P(0.0), size);
-          }
-        }
+        if (steep_tangents) return steep_tangents->advance(steep_tangents->made_up(size), side, kind.implicit, kind.beside);
         if (!implicit_tangents) return tangents.advance(size, side, kind.beside);
         tangents.advance(select(kind.implicit, P(0.0), size), side, kind.beside);
         implicit_tangents->advance(select(kind.implicit, size, P(0.0)), side);
