@@ -11,6 +11,7 @@ import pytest
 import fisherpoint as fp
 from filippov import NoAnswer, derivatives
 from filippov_several import course_of_several
+from remembered import remembered
 from several_cases import CASES, infusions
 
 pytestmark = [pytest.mark.kernels, pytest.mark.filterwarnings("ignore:.* expected its natural size")]
@@ -32,8 +33,9 @@ def test_joints_and_legs_start_from_rest_and_come_to_rest(name: str, few: int) -
     assert not states.status.any() and not done.status.any()
     changes = several = 0
     for k in range(count):
+        point = x0[k], u[k], p[k], dt[k]
         try:
-            beside = course_of_several(case.system, x0[k], u[k], p[k], dt[k])
+            beside = remembered(lambda point=point: course_of_several(case.system, *point), "course", name, *point)
         except NoAnswer:
             continue
         changes += len(beside.met)
@@ -42,7 +44,10 @@ def test_joints_and_legs_start_from_rest_and_come_to_rest(name: str, few: int) -
         assert np.max(np.abs(done.x[k] - beside.x)) < 1e-8, k
         if name == "platform" and k % 4:
             continue
-        s, error = derivatives(case.system, x0[k], u[k], p[k], dt[k], beside, follow=course_of_several)
+        s, error = remembered(
+            lambda point=point, beside=beside: derivatives(case.system, *point, beside, follow=course_of_several),
+            "derivatives", name, *point,
+        )  # fmt: skip
         off = np.max(np.abs(done.dx_dtheta[k] - s) - 2 * error, axis=0)
         size = np.max(np.abs(s), axis=0)
         assert (off <= 1e-6 * size + 1e-8)[~np.isnan(off)].all(), (k, off, size)
@@ -185,10 +190,13 @@ def test_runs_go_on_from_segment_to_segment(name: str) -> None:
     runs = fp.Runs(x0, u, 0.2, np.ones((count, segments), dtype=bool).tolist())
 
     def end(theta: Array, k: int) -> Array:
-        x = x0[k]
-        for segment in range(segments):
-            x = course_of_several(case.system, x, u[k, segment], theta, 0.2).x
-        return x
+        def follow() -> Array:
+            x = x0[k]
+            for segment in range(segments):
+                x = course_of_several(case.system, x, u[k, segment], theta, 0.2).x
+            return x
+
+        return remembered(follow, "end", name, x0[k], u[k], theta)
 
     for k in range(count):
         done = fp.sensitivities(case.model, runs[[k]], p[k], rtol=1e-9)
