@@ -145,3 +145,20 @@ def test_no_tolerance_loses_where_a_clamp_is_met_with_its_saturation(clamp: str,
         done = [fp.simulate(model, points, theta, rtol=rtol, method=method) for rtol in 10.0 ** -np.arange(6, 12, 0.25)]
         assert {str(one.statuses[0]) for one in done} == {"ok"}
         assert np.ptp([one.x[0] for one in done[8:]], axis=0).max() < 1e-6
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8, 1e-9])
+def test_a_slide_along_a_saturation_that_ends_within_its_first_step(rtol: float) -> None:
+    """The kink of the saturation lies on the clamp's surface, also behind the end of the slide."""
+    e, raw = "(A*sin(2*tau) - y)", "(kp*(A*sin(2*tau) - y) + i)"
+    model = fp.SymbolicModel(
+        ["1", f"(max(min({raw}, um), -um) - y)/T", f"where(abs({raw}) < um or {e}*{raw} < 0, ki*{e}, 0)"], ["y", "i"],
+        dict.fromkeys(["tau", "y", "i"], "1"), {}, dict.fromkeys(["A", "kp", "ki", "um", "T"], "1"), {"y": "1", "i": "1"},
+        check_units=False,
+    )  # fmt: skip
+    ends = np.linspace(0.05, 3, 120)
+    points = fp.Experiments([[2.9711191468900235, 0.7399586178325254, 0.23993096966623112]] * 120, np.empty((120, 0)), ends)
+    done = fp.simulate(model, points, [0.8, 1.75, 1.25, 0.85, 1.25], rtol=rtol)
+    assert not done.status.any(), done.statuses
+    fine = fp.simulate(model, points, [0.8, 1.75, 1.25, 0.85, 1.25], rtol=1e-11)
+    np.testing.assert_allclose(done.x[fine.status == 0], fine.x[fine.status == 0], atol=10 * rtol)

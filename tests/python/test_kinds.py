@@ -100,24 +100,20 @@ def test_covariances_over_the_nodes_are_their_sums(chain: Chain, design: fp.Desi
     prior, rule = chain.problem.prior, fp.Unscented()
     done = fp.predictive_covariance(chain.model, design.points, prior, rule, rtol=1e-9)
     nodes, weights = rule.nodes(prior)
-    compared = refused = 0
+    compared = 0
     for k, (x0, u, dt) in enumerate(zip(design.points.x0, design.points.u, design.points.dt, strict=True)):
         try:
             middle = chain.outputs(x0, u, dt, chain.theta)
             off = np.array([chain.outputs(x0, u, dt, node) - middle for node in nodes])
         except (NoAnswer, PilesUp, ValueError):  # of a node that a search has not looked at
             continue
-        if done.status[k] != fp.Status.ok:  # of a node that ends in rounding beside several surfaces
-            refused += 1
-            continue
+        assert done.status[k] == fp.Status.ok
         np.testing.assert_allclose(done.covariance[k], (off.T * weights) @ off / weights.sum(), atol=1e-6 * np.abs(off).max())
         compared += 1
-    assert compared and refused <= 1
+    assert compared
 
 
 def test_data_give_the_parameters_back(chain: Chain, design: fp.Design) -> None:
-    if "clamped" in chain.one.name:
-        pytest.xfail("samples lie in rounding beside several surfaces, where trajectories may end as grazes_jump or step_limit")
     noise = {output.name: NOISE for output in chain.model.outputs}
     data = fp.VirtualRig(chain.model, chain.theta, noise, seed=3).measure(design.points, repeats=3)
     fit = fp.estimate(chain.model, data, chain.problem.prior, noise_std=noise, starts=1, rtol=1e-8)

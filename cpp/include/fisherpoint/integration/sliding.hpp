@@ -65,10 +65,10 @@ class BothSides {
   }
 
   // Where surface m, which has this value and rate on the slide, is zero with the one that is slid on: a saturation beside its
-  // clamp.
+  // clamp. Also where the slide has ended, and both of its rates have one sign.
   auto coincides(auto m, const P& value, const P& rate, const P& step) const {
     const P part = 1e-9 * (abs(up[m]) + abs(down[m]));
-    return (up[m] * down[m] < P(0.0)) & (abs(rate) <= part) & (abs(value) <= step * part);
+    return (abs(up[m] - down[m]) > part) & (abs(rate) <= part) & (abs(value) <= step * part);
   }
 
   // Where f is the same on both, to rounding.
