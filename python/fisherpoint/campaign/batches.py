@@ -15,7 +15,7 @@ from ..design.settings import ExchangeSettings, RunSettings
 from ..information.problem import DesignProblem
 from ..information.run_information import checked_problem
 from ..models import Model
-from ..points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
+from ..points.codec import points_from_json, points_to_json, runs_from_json
 from ..points.experiments import Experiments, points_csv
 from ..points.region import ExperimentRegion
 from ..points.run_files import plan_csv, runs_csv
@@ -123,7 +123,7 @@ RUNS = Kind(
     batch=1,
     preset=FrozenMapping({}),
     tables=FrozenMapping({"batch": runs_csv, "plan": plan_csv}),
-    to_json=runs_to_json,
+    to_json=points_to_json,
     from_json=runs_from_json,
 )
 KINDS = (POINTS, RUNS)

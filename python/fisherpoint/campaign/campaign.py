@@ -390,4 +390,4 @@ class Campaign(Shown):
 
 def _measured(parts: list[Measurements]) -> Measurements:
     """All parts, without points and runs of which nothing was measured: their trajectories may well fail."""
-    return Measurements.join(parts).told
+    return Measurements.join(parts).measured_part

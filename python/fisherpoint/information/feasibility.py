@@ -19,7 +19,7 @@ from ..basics.values import Array, FrozenMapping, IntArray
 from ..points.broken_limits import checked_broken_limits
 from ..points.experiments import Experiments
 from ..points.run_trajectories import checked_run_trajectories
-from ..points.runs import Runs
+from ..points.runs import Runs, as_runs
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
 from ..show.numbers import counted, percent
@@ -283,6 +283,6 @@ class _Tally:
         left = rows[status[rows] == Status.left_domain]
         of_rows: dict[int, str | None] = {}
         if len(left):
-            limits = checked_broken_limits(self._model, points[left], theta[left], self._settings, self._named)
+            limits = checked_broken_limits(self._model, as_runs(points[left]), theta[left], self._settings, self._named)
             of_rows = dict(zip(left.tolist(), limits, strict=True))
         return [of_rows.get(row) for row in rows.tolist()]

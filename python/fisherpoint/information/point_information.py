@@ -15,10 +15,10 @@ from ..basics.values import Array, IntArray
 from ..points.broken_limits import statuses_in_words
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, linearized, nodes_of
+from ..points.run_trajectories import checked_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Integration, checked_arguments, resolve_threads
 from ..points.status import NoTrajectory, Status, only_finite
-from ..points.trajectories import checked_sensitivities
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
 from .problem import DesignProblem
@@ -209,7 +209,9 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
     bad = np.flatnonzero(status)
     if len(bad):
         first, listed_rows = Status(status[bad[0]]), bad[:5].tolist()
-        words = statuses_in_words(problem.limited, points, problem.theta, problem.integration(threads), status, listed_rows)
+        words = statuses_in_words(
+            problem.limited, Runs.of_points(points), problem.theta, problem.integration(threads), status, listed_rows
+        )
         listed = ", ".join(f"points[{k}] ({word})" for k, word in zip(listed_rows, words, strict=True))
         raise NoTrajectory(
             f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"

@@ -19,8 +19,8 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.sense import sensible
+from ..points.simulate import simulate
 from ..points.status import Status
-from ..points.trajectories import simulate
 
 TRUTH_RTOL = 1e-10
 """Tolerance of the true trajectories."""

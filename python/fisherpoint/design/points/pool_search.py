@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...points.region import ExperimentRegion
+from ...points.runs import Runs
 from ..optimality.aims import aim_of
 from ..optimality.estimability import restricted_aims
 from ..optimality.estimable import Estimable
@@ -140,7 +141,7 @@ class PoolSearch(PointSearch):
         best candidates for each point are sampled earlier where some plants cannot run them to their end.
         """
         points, count = design.experiments, len(design)
-        places = np.sort(points.distinct()[0])
+        places = np.sort(Runs.of_points(points).distinct()[0])
         each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
         near, of = self.source.draw_near(points[places], each, self.lineage.steps(self._numbers(design)[places]))
         if not len(near):
