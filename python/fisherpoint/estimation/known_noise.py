@@ -13,7 +13,6 @@ from ..data.record import Record
 from ..information.assumed import assumed_covariance, assumed_of
 from ..models import Model
 from ..points.experiments import Experiments
-from ..points.runs import Runs
 from ..points.settings import Integration
 from ..points.status import Status
 from ..prior.rules import Linearized, Rule
@@ -64,11 +63,12 @@ class KnownNoise:
                     f"{label}: expected measurements of points or runs, given a record: estimate its start, and what has one value "
                     "in it"
                 )
-            if isinstance(part.points, Runs):
+            points = part.runs.points
+            if points is None:
                 common += self._of_runs(part, theta, sum(map(len, shares)))
                 shares.append(np.zeros((len(part.samples), *self.sensors.shape)))
             else:
-                shares.append(self._of_points(part.points, theta))
+                shares.append(self._of_points(points, theta))
         return self.sensors + np.concatenate(shares), tuple(common)
 
     def _of_points(self, points: Experiments, theta: Array) -> Array:

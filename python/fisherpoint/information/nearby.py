@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..basics.values import Array, FrozenMapping, IntArray
-from ..points.runs import Runs
+from ..points.runs import as_runs
 from ..points.status import Status
 from ..show.numbers import computed
 from .null_space import column_scaled_svd, without_rounding
@@ -133,13 +133,13 @@ def nearby_of(
     at_mean = _white(d, factor, information)
     growth, worst = np.ones(len(names)), (0.0, 0, np.zeros(problem.n_unknowns), at_mean)
     status = np.zeros((len(information), 0), dtype=np.int32)
-    points, theta = information.points, _moved(problem, moves)
+    runs, theta = as_runs(information.points), _moved(problem, moves)
     at_all = (
-        run_samples_at(problem, points, theta, threads, information.measured)
-        if isinstance(points, Runs)
-        else sensitivities_at(problem, points, theta, threads)
+        run_samples_at(problem, runs, theta, threads, information.measured)
+        if runs.points is None
+        else sensitivities_at(problem, runs.points, theta, threads)
     )
-    if isinstance(points, Runs) and information.assumed is not None:  # of points among them; rows of runs have it in them
+    if runs.points is None and information.assumed is not None:  # of points among them; rows of runs have it in them
         information = replace(information, assumed=np.zeros_like(information.assumed))
     for m, (sensitivity, found) in enumerate(at_all):
         there = _white(d, factor, replace(information, sensitivity=sensitivity))

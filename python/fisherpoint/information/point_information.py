@@ -16,7 +16,7 @@ from ..points.broken_limits import statuses_in_words
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, linearized, nodes_of
 from ..points.run_trajectories import checked_sensitivities
-from ..points.runs import Runs
+from ..points.runs import Points, Runs, joined
 from ..points.settings import Integration, checked_arguments, resolve_threads
 from ..points.status import NoTrajectory, Status, only_finite
 from ..prior.gaussian import GaussianPrior
@@ -46,7 +46,7 @@ class PointInformation:
         The same points where the parameters are others than the prior mean: at the scenarios of a criterion over the prior.
     """
 
-    points: Experiments | Runs
+    points: Points
     sensitivity: Array
     covariance: Array
     assumed: Array | None = None
@@ -100,14 +100,6 @@ class PointInformation:
         if all(part.elsewhere for part in parts):
             elsewhere = tuple(PointInformation.join(ones) for ones in zip(*(part.elsewhere for part in parts), strict=True))
         return PointInformation(points, sensitivity, covariance, assumed, measured, elsewhere)
-
-
-def joined(parts: Sequence[Experiments | Runs]) -> Experiments | Runs:
-    """All parts, one after the other; where runs are among them, points are runs of one segment."""
-    points = [part for part in parts if isinstance(part, Experiments)]
-    if len(points) == len(parts):
-        return Experiments.join(points)
-    return Runs.join([Runs.of_points(part) if isinstance(part, Experiments) else part for part in parts])
 
 
 def point_sensitivities(problem: DesignProblem, points: Experiments, threads: int | None) -> tuple[PointInformation, IntArray]:

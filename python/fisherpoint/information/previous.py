@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, cast
 
 import numpy as np
 
 from ..basics.values import Array, FrozenMapping
 from ..data.measured_outputs import runs_with_outputs
-from ..points.experiments import Experiments
 from ..points.rest_starts import start_points
-from ..points.runs import Runs
+from ..points.runs import Points, Runs, as_runs, points_of
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
 from .output_covariance import needs_covariances
@@ -26,10 +25,10 @@ class HasPoints(Protocol):
     """A design; measurements have outputs `y` (K, n_y), or (K, N, n_y), too, NaN where nothing was measured."""
 
     @property
-    def points(self) -> Experiments | Runs: ...
+    def points(self) -> Points: ...
 
 
-Previous: TypeAlias = Experiments | Runs | HasPoints | Sequence[Experiments | Runs | HasPoints]
+Previous: TypeAlias = Points | HasPoints | Sequence[Points | HasPoints]
 
 
 def previous_information(
@@ -64,29 +63,26 @@ def _parts(previous: Any) -> list[Any]:
         return []
     parts = list(previous) if isinstance(previous, list | tuple) else [previous]
     for part in parts:
-        if not isinstance(_points(part), Experiments | Runs):
+        if points_of(part) is None:
             given = type(part).__name__
             raise TypeError(f"previous: expected Measurements, Experiments, Runs, a Design or a sequence of these, given {given}")
     return parts
 
 
-def _points(part: Any) -> Any:
-    return part if isinstance(part, Experiments | Runs) else getattr(part, "points", None)
-
-
 def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[PointInformation, Counter[str]]:
     if problem.along is not None:
         problem = problem.replace(along=None)  # what was measured has been possible
-    model, points, y = problem.model, _points(part), getattr(part, "y", None)
-    given, expected = (points.x0.shape[1], points.u.shape[-1]), (len(model.states), len(model.inputs))
+    model, runs, y = problem.model, as_runs(cast(Points, points_of(part))), getattr(part, "y", None)
+    given, expected = (runs.x0.shape[1], runs.u.shape[2]), (len(model.states), len(model.inputs))
     if given != expected:
         raise ValueError(
             f"previous: expected points of {expected[0]} states and {expected[1]} inputs, given {given[0]} and {given[1]}"
         )
     if y is not None and y.shape[-1] != len(model.outputs):
         raise ValueError(f"previous: expected measurements of {len(model.outputs)} outputs, given {y.shape[-1]}")
-    if isinstance(points, Runs):
-        return _of_runs(problem, points, y, threads)
+    points = runs.points
+    if points is None:
+        return _of_runs(problem, runs, y, threads)
     lost: Counter[str] = Counter()
     keep = np.ones(len(points), dtype=bool)
     for surface, rows in on_surface(model, points, problem.theta, problem.crossed).items():
@@ -100,7 +96,7 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
     lost.update(failures_of(status))
     measured = None
     if y is not None:
-        there = np.isfinite(y[kept])
+        there = np.isfinite(y.reshape(len(points), -1)[kept])
         measured = None if there.all() else there
     return replace(information, measured=measured)[status == Status.ok], lost
 

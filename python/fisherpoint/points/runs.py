@@ -300,6 +300,12 @@ def as_runs(points: Points, name: str = "points") -> Runs:
     return Runs.of_points(points)
 
 
+def points_of(given: Any) -> Points | None:
+    """Return the points or runs that something is, or has as designs and measurements do; None where there are none."""
+    points = given if isinstance(given, Experiments | Runs) else getattr(given, "points", None)
+    return points if isinstance(points, Experiments | Runs) else None
+
+
 def as_flat(runs: Runs, points: Points) -> Points:
     """Return runs as points where the others are points."""
     return runs if isinstance(points, Runs) else runs.starts
