@@ -9,6 +9,8 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.campaign.repeated import check_new
+from fisherpoint.design.runs.design_runs import _known_there
+from fisherpoint.information.previous import previous_information
 
 MODEL = fp.SymbolicModel(["k*(u - x)", "x - z"], ["z"], {"x": "1", "z": "1"}, {"u": "1"}, {"k": "1"}, {"y": "1"})
 LOW, HIGH = fp.Rest({"u": 0.01}), fp.Rest({"u": 1.0})
@@ -133,3 +135,13 @@ def test_a_run_of_one_segment_is_a_point(kind: str) -> None:
         for one in (data, fp.Measurements(alone, data.y[:, None]))
     ]
     assert np.array_equal(fits[0].covariance, fits[1].covariance) and fits[0].chi_square == fits[1].chi_square
+
+
+def test_runs_are_designed_beside_points_with_the_scatter_of_their_starts() -> None:
+    prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
+    problem = fp.DesignProblem(MODEL, prior, None, noise_std={"y": 0.01}, initial_state_std={"x": 0.02})
+    points = fp.Experiments([[0.0, 0.1], [0.1, 0.0], [0.2, 0.2]], [0.5, 0.8, 1.0], [0.6, 1.0, 1.9])
+    for previous in (points, fp.Runs.of_points(points)):
+        known, _ = previous_information(problem, previous, 1)
+        expected = fp.evaluate_design(problem, points).information
+        assert _known_there(problem, problem, known, previous, 1) == pytest.approx(expected, rel=1e-12)

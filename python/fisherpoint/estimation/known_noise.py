@@ -12,9 +12,10 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..information.assumed import assumed_covariance, assumed_of
 from ..models import Model
+from ..points.broken_limits import refuse_failures
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from ..points.settings import Integration
-from ..points.status import Status
 from ..prior.rules import Linearized, Rule
 from .run_error import RunError, run_errors
 
@@ -83,9 +84,8 @@ class KnownNoise:
             jumps="cross",
             rule=self.rule,
         )
-        if status.any():
-            k = int(np.argmax(status != Status.ok))
-            raise ValueError(f"points: expected trajectories that are ok, given points[{k}] ({Status(status[k]).name})")
+        settings = Integration(self.rtol, threads=self.threads)
+        refuse_failures(self.model, Runs.of_points(points), theta, settings, status)
         return share
 
     def _of_runs(self, data: Measurements, theta: Array, first: int) -> Iterator[RunError]:

@@ -8,10 +8,10 @@ from ..basics.checks import check_flag, check_type
 from ..points.runs import Points, Runs, as_runs
 from .evaluation import Evaluation, evaluate_information
 from .output_covariance import criterion, needs_covariances
-from .point_information import PointInformation, point_information
+from .point_information import PointInformation
 from .previous import Previous, previous_information
 from .problem import DesignProblem
-from .run_information import run_information
+from .run_information import information_of
 
 
 def evaluate_design(
@@ -52,11 +52,7 @@ def evaluate_design(
     runs, kind = _checked_runs(points), str(problem.output_covariance)
     if check_flag(prior_information, "prior_information") and kind != "noise":
         raise ValueError(f"prior_information: expected output_covariance 'noise', under which F is information, given {kind!r}")
-    information = (
-        run_information(problem, runs, threads)
-        if runs.points is None
-        else point_information(problem, runs.points, needs_covariances(kind), threads)
-    )
+    information = information_of(problem, runs, threads, needs_covariances(kind))
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())

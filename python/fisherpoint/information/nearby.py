@@ -20,9 +20,9 @@ from ..points.status import Status
 from ..show.numbers import computed
 from .null_space import column_scaled_svd, without_rounding
 from .output_covariance import Criterion
-from .point_information import PointInformation, sensitivities_at
+from .point_information import PointInformation
 from .problem import DesignProblem
-from .run_information import run_samples_at
+from .run_information import samples_at
 
 DISTANCE = 2.0
 """Distance, in promised standard errors, of the moved parameters; at one, edges are missed that one fit in ten meets."""
@@ -134,12 +134,10 @@ def nearby_of(
     growth, worst = np.ones(len(names)), (0.0, 0, np.zeros(problem.n_unknowns), at_mean)
     status = np.zeros((len(information), 0), dtype=np.int32)
     runs, theta = as_runs(information.points), _moved(problem, moves)
-    at_all = (
-        run_samples_at(problem, runs, theta, threads, information.measured)
-        if runs.points is None
-        else sensitivities_at(problem, runs.points, theta, threads)
-    )
-    if runs.points is None and information.assumed is not None:  # of points among them; rows of runs have it in them
+    # What is drawn anew is part of the D of points, which stays as it is at the mean; with runs it is part of the rows.
+    of_points = information.assumed is not None and runs.points is not None
+    at_all = samples_at(problem, runs, theta, threads, information.measured, plain=of_points)
+    if information.assumed is not None and not of_points:
         information = replace(information, assumed=np.zeros_like(information.assumed))
     for m, (sensitivity, found) in enumerate(at_all):
         there = _white(d, factor, replace(information, sensitivity=sensitivity))

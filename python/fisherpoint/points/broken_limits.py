@@ -13,7 +13,7 @@ from ..models import Model
 from .run_trajectories import checked_run_trajectories
 from .runs import Points, Runs, as_runs
 from .settings import Integration, checked_arguments
-from .status import Status
+from .status import NoTrajectory, Status
 
 HALVINGS = 30
 """Number of halvings of the duration, to find the last time at which the trajectory is still inside."""
@@ -81,6 +81,17 @@ def statuses_in_words(
         Status(status[k]).name + (f": {limit}" if limit and status[k] == Status.left_domain else "")
         for k, limit in zip(rows, limits, strict=True)
     ]
+
+
+def refuse_failures(model: Model, runs: Runs, theta: Array, settings: Integration, status: IntArray) -> None:
+    """Raise NoTrajectory where a status is not ok, with the first of these points or runs, and what ended them."""
+    bad = np.flatnonzero(status != Status.ok)
+    if not len(bad):
+        return
+    rows, name = bad[:5].tolist(), "runs" if runs.points is None else "points"
+    words = statuses_in_words(model, runs, theta, settings, status, rows)
+    given = ", ".join(f"{name}[{k}] ({word})" for k, word in zip(rows, words, strict=True)) + " ..." * (len(bad) > 5)
+    raise NoTrajectory(f"{name}: expected trajectories that are ok, given {given}. {Status(status[bad[0]]).advice}")
 
 
 def _first_limits(

@@ -291,12 +291,12 @@ Points: TypeAlias = Experiments | Runs
 """What is carried out: experiment points, or runs."""
 
 
-def as_runs(points: Points, name: str = "points") -> Runs:
+def as_runs(points: Points) -> Runs:
     """Return points as runs of one segment, and runs as they are; raise TypeError for anything else."""
     if isinstance(points, Runs):
         return points
     if not isinstance(points, Experiments):
-        raise TypeError(f"{name}: expected Experiments or Runs, given {type(points).__name__}")
+        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
     return Runs.of_points(points)
 
 

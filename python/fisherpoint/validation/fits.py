@@ -22,9 +22,8 @@ from ..estimation.starts import evaluable_starts
 from ..estimation.unknown_noise import check_noise_is_determined, correlations_can_be_estimated
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
-from ..information.point_information import point_information
 from ..information.problem import DesignProblem
-from ..information.run_information import run_information
+from ..information.run_information import information_of
 from ..points.runs import Points, as_runs
 from ..points.status import Status
 from .figures import LEVEL
@@ -112,16 +111,12 @@ class Estimator:
             check_noise_is_determined(observed, problem.prior if use_prior else None)
         covariance = noise_covariance(model, noise_std)
         common: tuple[RunError, ...] = ()
-        flat = data.runs.points
-        if flat is None:
-            run_information(problem, data.runs, threads)  # which must be there
-            if problem.assumed is not None and problem.assumed.columns:
-                std = np.sqrt(np.diag(covariance))
-                common = tuple(run_errors(problem.assumed, data, problem.theta, problem.integration(threads), std))
-        else:
-            information = point_information(problem, flat, False, threads)
-            if information.assumed is not None:
-                covariance = covariance + information.assumed
+        information = information_of(problem, data.runs, threads)  # which must be there
+        if information.assumed is not None:
+            covariance = covariance + information.assumed
+        elif problem.assumed is not None and problem.assumed.columns:
+            std = np.sqrt(np.diag(covariance))
+            common = tuple(run_errors(problem.assumed, data, problem.theta, problem.integration(threads), std))
         places = names_of(joint.model.parameters)
         mean = {name: float(theta[places.index(name)]) for name in observed.names}
         bounds = checked_bounds(joint.model, None, observed.names)
