@@ -11,8 +11,8 @@ from functools import partial
 import numpy as np
 
 import fisherpoint as fp
+from fisherpoint.points.run_trajectories import checked_sensitivities
 from fisherpoint.points.settings import Integration
-from fisherpoint.points.trajectories import checked_sensitivities
 
 from ..covariances import covariances, grid_outputs
 from ..workload import MODEL, PRIOR, RULE, Array, Pairs, candidates

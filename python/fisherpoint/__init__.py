@@ -61,10 +61,10 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .points.region import ExperimentRegion
     from .points.rest import Rest
     from .points.run_region import RunRegion
-    from .points.run_trajectories import RunSensitivities, RunTrajectories
     from .points.runs import Runs
+    from .points.simulate import sensitivities, simulate
     from .points.status import Status
-    from .points.trajectories import Sensitivities, Trajectories, sensitivities, simulate
+    from .points.trajectories import Sensitivities, Trajectories
     from .prior.gaussian import GaussianPrior
     from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
     from .validation.design_validation import DesignValidation
@@ -121,9 +121,7 @@ __all__ = [
     "RunDesign",
     "RunProgress",
     "RunRegion",
-    "RunSensitivities",
     "RunSettings",
-    "RunTrajectories",
     "Runs",
     "ScenarioValues",
     "Sensitivities",
@@ -226,10 +224,10 @@ _PLACES = {
     ".points.region": ("ExperimentRegion",),
     ".points.rest": ("Rest",),
     ".points.run_region": ("RunRegion",),
-    ".points.run_trajectories": ("RunSensitivities", "RunTrajectories"),
     ".points.runs": ("Runs",),
+    ".points.simulate": ("sensitivities", "simulate"),
     ".points.status": ("Status",),
-    ".points.trajectories": ("Sensitivities", "Trajectories", "sensitivities", "simulate"),
+    ".points.trajectories": ("Sensitivities", "Trajectories"),
     ".prior.gaussian": ("GaussianPrior",),
     ".prior.rules": ("GaussHermite", "Linearized", "Rule", "Sobol", "SparseGaussHermite", "TensorGrid", "Unscented"),
     ".validation.design_validation": ("DesignValidation",),

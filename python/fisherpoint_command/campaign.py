@@ -178,7 +178,7 @@ def _taken(run: fp.Campaign, path: Path, data: fp.Measurements, progress: bool) 
 
 def _to_do(run: fp.Campaign, file: Path, output: Path) -> list[str]:
     outputs = ", ".join(f"y_{quantity.name}" for quantity in run.problem.model.outputs)
-    k, of_runs = len(run.history) + 1, isinstance(run.planned, fp.Runs)
+    k, of_runs = len(run.history) + 1, run.planned is not None and run.planned.kind == "run"
     what, table = "runs" if of_runs else "points", output / f"batch_{k}.csv"
     return [
         *([f"The time table of the next batch is {output / f'plan_{k}.csv'}."] if of_runs else []),

@@ -34,7 +34,7 @@ def first_difference(given: fp.Campaign, found: fp.Campaign, directory: object) 
 def differences(given: fp.Campaign, found: fp.Campaign) -> Iterator[Difference]:
     """All that differs, one key after the other."""
     here, there = problem_to_json(given.problem), problem_to_json(found.problem)
-    of_runs = isinstance(given.problem.region, fp.RunRegion)
+    of_runs = given.problem.region is not None and given.problem.region.kind == "run"
     for path, was, now in _changes(there, here):
         if path[0] != "derived":
             yield _key(path, of_runs), was, now

@@ -101,8 +101,7 @@ def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
 
     defaults = {name: one.default for name, one in signature(design_runs).parameters.items()}
     settings = fp.RunSettings(**{one.name: given.get(one.name, defaults[one.name]) for one in fields(fp.RunSettings)})
-    assert isinstance(problem.region, fp.RunRegion)
-    n = problem.region.segments
+    n = problem.run_region.segments
     over = "" if settings.over is None else f", over the prior: {settings.over}"
     return [
         ("criterion", f"{settings.criterion}{over}"),
@@ -114,12 +113,12 @@ def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
 
 def points_row(name: str, points: fp.Experiments | fp.Runs) -> Row:
     """How many points there are in a file."""
-    return name, counted(len(points), "run" if isinstance(points, fp.Runs) else "point")
+    return name, counted(len(points), points.kind)
 
 
 def size_of(points: fp.Experiments | fp.Runs) -> int:
     """Trajectories of points, or segments of runs."""
-    return len(points) if isinstance(points, fp.Experiments) else int((points.dt > 0).sum())
+    return int((points.dt > 0).sum())
 
 
 def _kinds(model: fp.Model) -> str:

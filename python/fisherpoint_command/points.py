@@ -36,6 +36,7 @@ def evaluate(
         from fisherpoint.design.report import evaluation_report
         from fisherpoint.information.problem_report import problem_sections
         from fisherpoint.points.outside import few, outside
+        from fisherpoint.points.runs import as_runs
 
         from .drawing import drawers
         from .dry_run import about, points_row, show_plan, size_of
@@ -55,23 +56,24 @@ def evaluate(
     if output:
         with importing(), needed_for("tables and pictures"):
             from fisherpoint.design.frames import parameter_frame
-    pictures = RUN_PICTURES if isinstance(experiments, fp.Runs) else "fisherpoint.design.pictures"
+    runs = as_runs(experiments)
+    pictures = RUN_PICTURES if experiments is runs else "fisherpoint.design.pictures"
     with drawers(None if output is None or no_plots else pictures) as drawing:
         with alive("evaluating"):
-            if isinstance(experiments, fp.Runs):
-                evaluation = fp.evaluate_design(problem, experiments, threads=threads)
+            if experiments is runs:
+                evaluation = fp.evaluate_design(problem, runs, threads=threads)
                 report = evaluation.report()
-                if places := list(outside(problem.model, problem.region, experiments)):
+                if places := list(outside(problem.model, problem.region, runs)):
                     report = replace(report, warnings=[*report.warnings, f"Outside of the region: {few(places, 10)}."])
             else:
-                evaluated = evaluate_points(problem, experiments, threads)
+                evaluated = evaluate_points(problem, runs.starts, threads)
                 report = evaluation_report(evaluated)
         if not quiet:
             show(report)
         if output:
             make_directory(output, old)
-            if isinstance(experiments, fp.Runs):
-                return evaluate_runs(problem, experiments, evaluation, report, file, output, old, drawing, quiet)
+            if experiments is runs:
+                return evaluate_runs(problem, runs, evaluation, report, file, output, old, drawing, quiet)
             table = parameter_frame(problem, evaluated.under_noise).to_csv()
             write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=[PAGE, *PICTURES[1:]])
             written = write_page(report, problem_sections(problem), output, drawing, plots_of(evaluated), file)
@@ -108,6 +110,7 @@ def simulate(
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.design.report import simulation_report
+        from fisherpoint.points.runs import as_runs
 
         from .dry_run import about, points_row, show_plan, size_of
         from .heartbeat import alive
@@ -142,20 +145,18 @@ def simulate(
     else:
         crossings = config.crossings()
         with alive("simulating"):
-            if isinstance(experiments, fp.Runs):
-                along = fp.simulate(model, experiments, problem.theta, threads=threads, **crossings)
-            else:
-                done = fp.simulate(model, experiments, problem.theta, threads=threads, **crossings)
-        if isinstance(experiments, fp.Runs):
-            text = run_simulation_csv(model, experiments, along)
+            done = fp.simulate(model, experiments, problem.theta, threads=threads, **crossings)
+        runs = as_runs(experiments)
+        if experiments is runs:
+            text = run_simulation_csv(model, runs, done)
             if not quiet and not to_standard_output:
-                print(run_report(experiments, along))
+                print(run_report(runs, done))
                 if output is None:
                     print(text, end="")
         else:
             if not quiet and not to_standard_output:
-                show(simulation_report(model, experiments, done.y, done.status))
-            text = simulation_frame(model, experiments, done.y, done.status).to_csv(index=False) if output else ""
+                show(simulation_report(model, runs.starts, done.y, done.status))
+            text = simulation_frame(model, runs.starts, done.y, done.status).to_csv(index=False) if output else ""
     if to_standard_output:
         print(text, end="")
     elif output:

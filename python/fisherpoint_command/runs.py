@@ -15,7 +15,6 @@ from fisherpoint.design.configuration import Config
 from fisherpoint.design.runs.run_plots import PICTURES, plots_of
 from fisherpoint.information.problem_report import problem_sections
 from fisherpoint.points.run_files import RUN, SEGMENT
-from fisherpoint.points.run_trajectories import RunTrajectories
 from fisherpoint.show.section import Report
 
 from .drawing import Drawers, drawers
@@ -97,13 +96,13 @@ def evaluate_runs(
     return 0
 
 
-def run_report(runs: fp.Runs, done: RunTrajectories) -> str:
+def run_report(runs: fp.Runs, done: fp.Trajectories) -> str:
     """How many runs reach their ends."""
     failed = int((done.status != fp.Status.ok).sum())
     return f"{len(runs)} runs, {failed} of which do not reach their ends"
 
 
-def run_simulation_csv(model: fp.Model, runs: fp.Runs, done: RunTrajectories) -> str:
+def run_simulation_csv(model: fp.Model, runs: fp.Runs, done: fp.Trajectories) -> str:
     """The outputs at the end of each segment, as a table."""
     run, segment = np.nonzero(runs.dt)
     reached = segment < done.reached[run]

@@ -12,5 +12,5 @@ def measured(problem: fp.DesignProblem, points: fp.Experiments | fp.Runs, seed: 
     starts = problem.initial_state_std
     rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise_std or {}, initial_state_std=starts, seed=seed)
     data = rig.measure(points)
-    what = counted(len(points), "run" if isinstance(points, fp.Runs) else "point")
+    what = counted(len(points), points.kind)
     return measurements_csv(data.points, data.y, problem.model), f"{what} measured virtually at the prior mean, seed {seed}"

@@ -108,7 +108,7 @@ def simulated_record(threads: int) -> fp.RecordTrajectory:
     return fp.simulate_record(tanks(), record().t, record().u, tanks().nominal, record().x0)
 
 
-def written_as_functions(threads: int) -> fp.Sensitivities | fp.RunSensitivities:
+def written_as_functions(threads: int) -> fp.Sensitivities:
     """A model that is no text of equations."""
     model = fp.CallableModel(
         lambda x, u, p: [u.u - p.k * np.sqrt(x.h)],

@@ -17,7 +17,7 @@ from reading import Floats
 STEPS = (2e-3, 1e-3, 5e-4)  # of a parameter, for differences
 
 
-def check_derivatives(one: Run, tight: fp.RunTrajectories) -> None:
+def check_derivatives(one: Run, tight: fp.Trajectories) -> None:
     """dx/dtheta at the ends that are measured against differences of tight runs, and against a point's where the input stays."""
     figures = one.bench.figures
     done = one.sensitivities(RTOL)

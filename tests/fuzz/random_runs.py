@@ -29,7 +29,7 @@ class Run:
     def sizes(self) -> Floats:
         return self.bench.case.sizes
 
-    def simulate(self, rtol: float, jumps: str = "cross", theta: Floats | None = None) -> fp.RunTrajectories | None:
+    def simulate(self, rtol: float, jumps: str = "cross", theta: Floats | None = None) -> fp.Trajectories | None:
         """None where it is refused."""
         try:
             values = self.theta if theta is None else theta
@@ -37,7 +37,7 @@ class Run:
         except ValueError:
             return None
 
-    def sensitivities(self, rtol: float) -> fp.RunSensitivities:
+    def sensitivities(self, rtol: float) -> fp.Sensitivities:
         return fp.sensitivities(self.bench.model, self.runs, self.theta, rtol=rtol, threads=1)
 
     def error(self, given: Floats, expected: Floats) -> float:

@@ -206,7 +206,7 @@ def test_misuse_is_told() -> None:
         fp.approximate(MICHAELIS, grid, criterion="Ds")
     with pytest.raises(ValueError, match=r"^scale: expected none for criterion 'D'"):
         fp.approximate(MICHAELIS, grid, scale={"V": 1.0, "K": 1.0})
-    with pytest.raises(ValueError, match=r"^region: expected an ExperimentRegion where no candidates"):
+    with pytest.raises(ValueError, match=r"^region: expected an ExperimentRegion for points, given"):
         fp.approximate(MICHAELIS.replace(region=None))
 
 

@@ -191,11 +191,11 @@ def test_rows_that_were_told_do_not_count_twice(problem: fp.DesignProblem) -> No
     campaign.tell(fp.Measurements(first.points, gaps))  # of one point nothing was measured
     more = rig(problem, 1).measure(first.points)
     for again in (fp.Measurements(first.points, gaps)[1:3], first[1:], fp.Measurements.join([more, first[2:]])):
-        with pytest.raises(ValueError, match=r"expected new .* given (2 of the 3 rows|those) of batch 1 among them"):
+        with pytest.raises(ValueError, match=r"expected new .* given (2 of the 3 points|those) of batch 1 among them"):
             campaign.tell(again)
     assert len(campaign.history) == 1
     # What is new at the same points, and one reading that is the same, as of a replicate that a coarse sensor cannot tell apart.
-    with pytest.warns(UserWarning, match="data: row 1 is also in batch 1; it counts as a repeated measurement"):
+    with pytest.warns(UserWarning, match=r"data: points\[1\] is also in batch 1; it counts as a repeated measurement"):
         campaign.tell(fp.Measurements.join([first[:1], first[1:2], more]))
     assert len(campaign.history) == 2 and campaign.data is not None and len(campaign.data) == 9
 

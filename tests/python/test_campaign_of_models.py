@@ -327,7 +327,7 @@ def counted(lost: float) -> Run:
     """It counts from 0.6 / p1 on, which is the end of its first segment, and loses a share of dx/dtheta."""
 
     class Loses(Run):
-        def sensitivities(self, rtol: float) -> fp.RunSensitivities:
+        def sensitivities(self, rtol: float) -> fp.Sensitivities:
             done = super().sensitivities(rtol)
             return done._replace(dx_dtheta=done.dx_dtheta * (1 - lost))
 

@@ -164,18 +164,24 @@ def test_a_problem_that_is_none_of_runs_is_told_at_the_start() -> None:
         fp.Campaign(level().replace(region=None))
 
 
-def test_points_and_runs_do_not_mix() -> None:
+def test_points_and_runs_may_be_told_in_one_campaign(tmp_path: Path) -> None:
     of_runs, of_points = fp.Campaign(level(), **QUICK), fp.Campaign(level().replace(region=fp.ExperimentRegion(BOUNDS)))
     runs = drawn(2)
-    with pytest.raises(TypeError, match=r"^data: expected measurements of runs, as those .*, given those of points$"):
-        of_runs.tell(measured(runs.starts))
-    with pytest.raises(TypeError, match=r"^data: expected measurements of points, as those .*, given those of runs$"):
-        of_points.tell(measured(runs))
     with pytest.raises(ValueError, match=r"data: expected \(1, 1, 2\) states, inputs and outputs of level, given \(1, 1, 1\)"):
         of_runs.tell(fp.Measurements(runs, measured(runs).y[:, :, :1]))
     assert not of_runs.history and not of_points.history
-    of_runs.tell(measured(fp.Runs.of_points(runs.starts)))
-    of_points.tell(measured(runs.starts))
+    for campaign in (of_runs, of_points):
+        campaign.tell(measured(runs.starts))
+        campaign.tell(measured(runs, seed=1))
+        with pytest.raises(ValueError, match="given those of batch 1 among them"):
+            campaign.tell(measured(fp.Runs.of_points(runs.starts)))
+        assert "2 points and 2 runs measured" in str(campaign)
+        campaign.save(tmp_path / campaign.next().kind)
+        again = fp.Campaign.load(tmp_path / campaign.next().kind)
+        assert again.next() == campaign.next() and again.data == campaign.data
+    pooled = fp.Campaign(level(output_covariance="pooled").replace(region=fp.ExperimentRegion(BOUNDS)))
+    with pytest.raises(ValueError, match="output_covariance: expected 'noise' for runs, given 'pooled'"):
+        pooled.tell(measured(runs))
 
 
 # --- Telling twice -------------------------------------------------------------------------------------------------------

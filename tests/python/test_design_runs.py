@@ -362,7 +362,7 @@ def test_misuse_of_the_search_is_told() -> None:
     problem = slider(mover())
     with pytest.raises(ValueError, match="region: expected a RunRegion for runs, given None"):
         fp.design_runs(problem.replace(region=None))
-    with pytest.raises(ValueError, match="region: expected an ExperimentRegion to draw candidates from, given a RunRegion"):
+    with pytest.raises(ValueError, match="region: expected an ExperimentRegion for points, given a RunRegion"):
         fp.exchange(problem)
     with pytest.raises(TypeError, match="over: expected an OverPrior or None, given list"):
         fp.design_runs(problem, over=[1.0, 2.0])  # type: ignore[arg-type]

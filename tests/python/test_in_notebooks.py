@@ -102,7 +102,7 @@ def test_statuses_are_named() -> None:
     assert (
         repr(fp.sensitivities(MODEL, points(2), THETA)) == "Sensitivities(2 points, 1 state, 1 output by 1 parameter; status: 2 ok)"
     )
-    assert repr(fp.simulate(MODEL, runs(), THETA)) == "RunTrajectories(2 runs, 1 state, 1 output; status: 2 ok)"
+    assert repr(fp.simulate(MODEL, runs(), THETA)) == "Trajectories(2 runs, 1 state, 1 output; status: 2 ok)"
 
 
 def test_other_results_name_their_statuses_too() -> None:
@@ -115,8 +115,8 @@ def test_other_results_name_their_statuses_too() -> None:
 
 def test_trajectories_are_tuples_still() -> None:
     found = fp.simulate(MODEL, points(), THETA)
-    x, y, status = found
-    assert x is found.x and y is found.y and status is found.status
+    x, y, status, reached = found
+    assert x is found.x and y is found.y and status is found.status and reached.tolist() == [1] * len(points())
     assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
 
 

@@ -38,6 +38,31 @@ DOSE = fp.DesignProblem(dose, relative(dose), fp.ExperimentRegion({"d": (0.01, 1
 DECAY = fp.DesignProblem(decay, relative(decay), fp.ExperimentRegion({"c": (1.0, 1.0), "dt": (0.1, 50.0)}), noise_std={"c": 0.01})
 
 
+def test_runs_of_a_static_model_are_its_points(tmp_path: Path) -> None:
+    levels = np.array([[0.5, 2.0, 8.0], [1.0, 4.0, 4.0]])
+    runs = fp.Runs(np.empty((2, 0)), levels, [[1.0, 1.0, 2.0], [1.0, 1.0, 0.0]])
+    points = fp.Experiments(np.empty((6, 0)), levels.ravel())
+    for compute in (fp.simulate, fp.sensitivities):
+        of_runs, of_points = compute(dose, runs, dose.nominal), compute(dose, points, dose.nominal)
+        assert np.array_equal(of_runs.y.ravel()[:5], of_points.y.ravel()[:5]) and of_runs.y[1, 2, 0] == 0.0
+        assert of_runs.reached.tolist() == [3, 2] and of_runs.status.tolist() == [0, 0] and of_runs.x.shape == (2, 4, 0)
+    assert np.array_equal(of_runs.dy_dtheta.reshape(6, 1, 4)[:5], of_points.dy_dtheta[:5])  # type: ignore[attr-defined]
+    evaluations = [fp.evaluate_design(DOSE, given) for given in (runs, points[:5])]
+    assert evaluations[0].standard_errors == evaluations[1].standard_errors
+    runs.to_csv(tmp_path / "runs.csv", dose)
+    assert fp.Runs.from_csv(tmp_path / "runs.csv", dose) == runs
+    data = fp.VirtualRig(dose, dose.nominal, {"E": 0.1}).measure(runs)
+    fit = fp.estimate(dose, data, noise_std={"E": 0.1}, prior=DOSE.prior)
+    fit.save(tmp_path)
+    assert fit.converged and fp.Fit.load(tmp_path).data[0] == data
+
+
+def test_a_run_of_a_static_model_ends_where_there_is_no_value() -> None:
+    runs = fp.Runs(np.empty((1, 0)), [[1.0, -1.0, 1.0]], 1.0)
+    done = fp.simulate(dose, runs, dose.nominal)
+    assert done.reached.tolist() == [1] and done.statuses[0] != fp.Status.ok and not done.y[0, 1:].any()
+
+
 def test_a_static_model_is_its_output() -> None:
     points, theta = fp.Experiments(np.empty((3, 0)), [0.5, 2.0, 8.0]), dose.theta(dose.nominal)
     done = fp.sensitivities(dose, points, theta)

@@ -248,11 +248,11 @@ def test_a_virtual_rig_starts_at_its_own_rest() -> None:
     np.testing.assert_allclose(list(fit.estimate.values()), THETA, rtol=1e-5)
 
 
-def of_one(f: list[str], **more: Any) -> Callable[..., fp.RunTrajectories]:
+def of_one(f: list[str], **more: Any) -> Callable[..., fp.Trajectories]:
     states = {name: "1" for name in ("x", "v")[: len(f)]}
     model = fp.SymbolicModel(f, ["x"], states, {"u": "1"}, {"a": "1", "k": "1"}, **more)
 
-    def at(x0: list[float], u: float = 0.0, states: Any = None, theta: Any = (1.0, 1.0)) -> fp.RunTrajectories:
+    def at(x0: list[float], u: float = 0.0, states: Any = None, theta: Any = (1.0, 1.0)) -> fp.Trajectories:
         return fp.simulate(model, fp.Runs([x0], [[0.3, 0.2]], 0.1, rest=fp.Rest({"u": u}, states=states)), theta)
 
     return at

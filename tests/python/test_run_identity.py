@@ -9,6 +9,8 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.campaign.repeated import check_new
+from fisherpoint.design.runs.design_runs import _known_there
+from fisherpoint.information.previous import previous_information
 
 MODEL = fp.SymbolicModel(["k*(u - x)", "x - z"], ["z"], {"x": "1", "z": "1"}, {"u": "1"}, {"k": "1"}, {"y": "1"})
 LOW, HIGH = fp.Rest({"u": 0.01}), fp.Rest({"u": 1.0})
@@ -76,7 +78,7 @@ def test_minus_zero_is_zero(tmp_path: Path) -> None:
     many = fp.Runs.join([fp.Runs(dt=0.5, **one) for one in (plus, minus)])
     assert many.distinct()[0].tolist() == [0] and many[0] == many[1]
     points = fp.Experiments([[0.0, 1.0], [-0.0, 1.0]], [-0.0, 0.0], [1.0, 1.0])
-    assert points.distinct()[0].tolist() == [0] and points.distinct()[1].tolist() == [0, 0]
+    assert [part.tolist() for part in fp.Runs.of_points(points).distinct()] == [[0], [0, 0]]
     fp.Runs(dt=0.5, **minus).to_csv(tmp_path / "runs.csv", MODEL)
     assert fp.Runs.from_csv(tmp_path / "runs.csv", MODEL) == fp.Runs(dt=0.5, **plus)
     for of in (many, points):
@@ -114,3 +116,32 @@ def test_runs_go_different_ways_from_where_they_differ() -> None:
     assert base.first_difference(base, np.array([0, 0])).tolist() == [3, 0]
     assert runs([LOW, HIGH], x0=[[0.5, 0.5], [0.5, 0.6]]).first_difference(base, np.array([0, 1])).tolist() == [3, 0]
     assert runs(None).first_difference(base, np.array([0, 1])).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("kind", ["noise", "region", "pooled", "pointwise"])
+def test_a_run_of_one_segment_is_a_point(kind: str) -> None:
+    region = fp.ExperimentRegion({"x": (0.0, 0.2), "z": (0.0, 0.2), "u": (0.5, 1.0), "dt": (0.5, 2.0)})
+    prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
+    problem = fp.DesignProblem(MODEL, prior, region, noise_std={"y": 0.01}, output_covariance=kind, initial_state_std={"x": 0.02})
+    points = fp.Experiments([[0.0, 0.1], [0.1, 0.0], [0.2, 0.2]], [0.5, 0.8, 1.0], [0.6, 1.0, 1.9])
+    alone = fp.Runs.of_points(points)
+    data = fp.VirtualRig(MODEL, {"k": 1.1}, {"y": 0.01}, seed=1).measure(points)
+    for previous in (None, data):
+        evaluations = [fp.evaluate_design(problem, one, previous=previous) for one in (points, alone)]
+        assert evaluations[0].to_pandas().equals(evaluations[1].to_pandas())
+        assert np.array_equal(evaluations[0].output_covariance, evaluations[1].output_covariance)
+    fits = [
+        fp.estimate(MODEL, one, prior=prior, noise_std={"y": 0.01}, initial_state_std={"x": 0.02})
+        for one in (data, fp.Measurements(alone, data.y[:, None]))
+    ]
+    assert np.array_equal(fits[0].covariance, fits[1].covariance) and fits[0].chi_square == fits[1].chi_square
+
+
+def test_runs_are_designed_beside_points_with_the_scatter_of_their_starts() -> None:
+    prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
+    problem = fp.DesignProblem(MODEL, prior, None, noise_std={"y": 0.01}, initial_state_std={"x": 0.02})
+    points = fp.Experiments([[0.0, 0.1], [0.1, 0.0], [0.2, 0.2]], [0.5, 0.8, 1.0], [0.6, 1.0, 1.9])
+    for previous in (points, fp.Runs.of_points(points)):
+        known, _ = previous_information(problem, previous, 1)
+        expected = fp.evaluate_design(problem, points).information
+        assert _known_there(problem, problem, known, previous, 1) == pytest.approx(expected, rel=1e-12)

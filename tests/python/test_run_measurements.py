@@ -55,8 +55,9 @@ def test_parts_of_different_lengths_are_joined() -> None:
     assert np.array_equal(joined.samples, np.concatenate([short.samples, long.samples]), equal_nan=True)
     assert joined[2:] == long and joined != long
     points = rig().measure(drawn().starts)
-    with pytest.raises(TypeError, match="expected measurements of points, or of runs; given both"):
-        fp.Measurements.join([short, points])
+    both = fp.Measurements.join([short, points])  # a point is a run of one segment
+    assert both.points == fp.Runs.join([short.points, points.runs])  # type: ignore[list-item]
+    assert np.array_equal(both.samples, np.concatenate([short.samples, points.y]), equal_nan=True)
 
 
 def test_what_has_no_number_is_left_out() -> None:
@@ -64,11 +65,11 @@ def test_what_has_no_number_is_left_out() -> None:
     y = np.ones((3, 5, 2))
     y[0, 3:], y[1] = np.nan, np.nan
     y[2, 1, 0], y[2, 2] = np.nan, np.nan
-    told = fp.Measurements(runs, y).told
+    told = fp.Measurements(runs, y).measured_part
     assert isinstance(told.points, fp.Runs)
     assert told.points.segments.tolist() == [3, 5] and told.points.measured.sum(axis=1).tolist() == [3, 4]
     assert np.array_equal(told.points.dt[0, :3], runs.dt[0, :3]) and np.array_equal(told.points.x0, runs.x0[[0, 2]])
-    assert len(told.samples) == 7 and told.told is told
+    assert len(told.samples) == 7 and told.measured_part is told
 
 
 # --- files ---------------------------------------------------------------------------------------------------------------

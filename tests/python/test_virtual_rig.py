@@ -84,7 +84,7 @@ def test_what_fails_is_counted_with_its_reason_and_not_measured() -> None:
     assert 0 < counts["left_domain"] == (status != 0).sum() < 40
     one = rig()
     with pytest.warns(
-        RuntimeWarning, match=rf"{sum(counts.values())} of 40 points are not measured: .*left_domain {counts['left_domain']}"
+        RuntimeWarning, match=rf"{sum(counts.values())} of 40 points are not measured to .*: .*left_domain {counts['left_domain']}"
     ):
         data = one.measure(drawn)
     assert np.array_equal(np.isnan(data.y).any(axis=1), status != 0) and np.array_equal(np.isnan(data.y).all(axis=1), status != 0)
@@ -95,7 +95,7 @@ def test_what_fails_is_counted_with_its_reason_and_not_measured() -> None:
 
 
 def test_nothing_measured_at_all_is_an_error() -> None:
-    with pytest.raises(ValueError, match="expected at least one whose trajectory reaches its end, given none: left_domain 1"):
+    with pytest.raises(ValueError, match="expected at least one whose trajectory reaches a sample, given none: left_domain 1"):
         rig().measure(point(p_A=1e5))
     with pytest.raises(ValueError, match="given none: no points"):
         rig().measure(POINTS[:0])

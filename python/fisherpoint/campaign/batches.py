@@ -1,11 +1,10 @@
-"""Kinds of batches of a campaign, points or runs, and how each is designed: the region decides which."""
+"""How the batches of a campaign are designed: points by the exchange, or runs, as the region says."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from ..basics.values import FrozenMapping
 from ..data import Measurements
@@ -14,132 +13,85 @@ from ..design.runs.design_runs import design_runs
 from ..design.settings import ExchangeSettings, RunSettings
 from ..information.problem import DesignProblem
 from ..information.run_information import checked_problem
-from ..models import Model
-from ..points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
-from ..points.experiments import Experiments, points_csv
-from ..points.region import ExperimentRegion
-from ..points.run_files import plan_csv, runs_csv
-from ..points.run_region import RunRegion
-from ..points.runs import Runs
+from ..points.runs import Points
 from ..show.numbers import percent
 
-Points: TypeAlias = Experiments | Runs
 Settings: TypeAlias = ExchangeSettings | RunSettings
 
 
-@dataclass(frozen=True, eq=False)
-class Kind:
-    """One of the two kinds of campaigns.
+class BatchSearch(NamedTuple):
+    """The search that designs batches.
 
     Attributes
     ----------
-    name : str
-        What a batch has several of, in the singular.
-    points, region, settings : type
-        The class of these, of the regions in which they are found, and of the settings of the search.
+    kind : {"point", "run"}
+        What a batch has several of.
     search : callable
-        Finds them: `exchange` or `design_runs`.
+    settings : type
+        The class of its settings.
     size : str
-        The search's argument for their number.
+        Its argument for the number of points or runs.
     batch : int
         Their number where none is given.
     preset : mapping of name to value
         Settings that a batch has instead of the search's defaults.
-    tables : mapping of name to callable
-        The text of each file of a batch, ``<name>_<k>.csv``.
-    to_json, from_json : callable
     """
 
-    name: str
-    points: type[Points]
-    region: type[ExperimentRegion | RunRegion]
-    settings: type[Settings]
+    kind: str
     search: Callable[..., Any]
+    settings: type[Settings]
     size: str
     batch: int
     preset: Mapping[str, Any]
-    tables: Mapping[str, Callable[[Any, Model], str]]
-    to_json: Callable[[Any], dict[str, Any]]
-    from_json: Callable[[dict[str, Any]], Points]
-
-    def design(
-        self,
-        problem: DesignProblem,
-        settings: Settings,
-        *,
-        threads: int,
-        progress: bool | Callable[..., None] | None,
-        previous: Measurements | None,
-    ) -> Points:
-        """The next batch.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            Where Ctrl-C ended the search, whatever it had found by then: another search would not stop there.
-        """
-        found = self.search(problem, **vars(settings), threads=threads, progress=progress, previous=previous)
-        if found.stop_reason == "interrupted":
-            raise KeyboardInterrupt
-        able = found.feasibility
-        if found.settings.confidence is not None and able is not None and not found.feasible:
-            warnings.warn(
-                f"confidence: expected a batch that {percent(found.settings.confidence)} of the plants can run, "
-                f"found one that {percent(able.share)} can",
-                stacklevel=3,
-            )
-        points: Points = found.points
-        return points
-
-    def check(self, data: Measurements) -> None:
-        """Raise TypeError for measurements of the other kind."""
-        if not isinstance(data.points, self.points):
-            other = next(kind for kind in KINDS if isinstance(data.points, kind.points))
-            raise TypeError(
-                f"data: expected measurements of {self.name}s, as those that this campaign designs, given those of {other.name}s"
-            )
 
 
-POINTS = Kind(
-    name="point",
-    points=Experiments,
-    region=ExperimentRegion,
-    settings=ExchangeSettings,
-    search=exchange,
-    size="n_experiments",
-    batch=6,
-    preset=FrozenMapping({"references": False}),
-    tables=FrozenMapping({"batch": points_csv}),
-    to_json=points_to_json,
-    from_json=points_from_json,
+BY_REGION: Mapping[str, BatchSearch] = FrozenMapping(
+    {
+        "point": BatchSearch("point", exchange, ExchangeSettings, "n_experiments", 6, FrozenMapping({"references": False})),
+        "run": BatchSearch("run", design_runs, RunSettings, "n_runs", 1, FrozenMapping({})),
+    }
 )
-RUNS = Kind(
-    name="run",
-    points=Runs,
-    region=RunRegion,
-    settings=RunSettings,
-    search=design_runs,
-    size="n_runs",
-    batch=1,
-    preset=FrozenMapping({}),
-    tables=FrozenMapping({"batch": runs_csv, "plan": plan_csv}),
-    to_json=runs_to_json,
-    from_json=runs_from_json,
-)
-KINDS = (POINTS, RUNS)
 
 
-def kind_of(problem: DesignProblem) -> Kind:
-    """The kind that a problem's region is of.
+def search_of(problem: DesignProblem) -> BatchSearch:
+    """The search in a problem's region.
 
     Raises
     ------
     ValueError
         Where there is no region, and for runs that could not be designed.
     """
-    for kind in KINDS:
-        if isinstance(problem.region, kind.region):
-            if kind is RUNS:
-                checked_problem(problem)
-            return kind
-    raise ValueError("region: expected an ExperimentRegion or a RunRegion to design in, given None")
+    if problem.region is None:
+        raise ValueError("region: expected an ExperimentRegion or a RunRegion to design in, given None")
+    if problem.region.kind == "run":
+        checked_problem(problem)
+    return BY_REGION[problem.region.kind]
+
+
+def designed(
+    problem: DesignProblem,
+    settings: Settings,
+    *,
+    threads: int,
+    progress: bool | Callable[..., None] | None,
+    previous: Measurements | None,
+) -> Points:
+    """Design the next batch.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Where Ctrl-C ended the search, whatever it had found by then: another search would not stop there.
+    """
+    found = search_of(problem).search(problem, **vars(settings), threads=threads, progress=progress, previous=previous)
+    if found.stop_reason == "interrupted":
+        raise KeyboardInterrupt
+    able = found.feasibility
+    if found.settings.confidence is not None and able is not None and not found.feasible:
+        warnings.warn(
+            f"confidence: expected a batch that {percent(found.settings.confidence)} of the plants can run, "
+            f"found one that {percent(able.share)} can",
+            stacklevel=3,
+        )
+    points: Points = found.points
+    return points

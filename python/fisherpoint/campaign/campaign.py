@@ -24,11 +24,12 @@ from ..estimation.precision import quantile
 from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
-from ..points.runs import Runs
+from ..information.run_information import checked_problem
+from ..points.runs import Points, as_runs
 from ..points.settings import resolve_threads
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
-from .batches import Points, Settings, kind_of
+from .batches import Settings, designed, search_of
 from .files import CampaignFiles
 from .repeated import check_new
 from .report import campaign_report
@@ -84,7 +85,7 @@ class Campaign(Shown):
         **settings: Any,
     ) -> None:
         check_type(problem, DesignProblem, "problem")
-        state = State(problem, batch_settings(problem, kind_of(problem), batch, seed, settings), checked_targets(targets, problem))
+        state = State(problem, batch_settings(problem, batch, seed, settings), checked_targets(targets, problem))
         self._begin(state, None, threads)
         if directory is not None:
             self._keep_in(directory)
@@ -133,7 +134,7 @@ class Campaign(Shown):
     @property
     def batch(self) -> int:
         """Points of a batch, or runs."""
-        return int(getattr(self.settings, self._state.kind.size))
+        return int(getattr(self.settings, search_of(self.problem).size))
 
     @property
     def history(self) -> tuple[Batch, ...]:
@@ -228,7 +229,7 @@ class Campaign(Shown):
         if self.fit is not None:
             posterior = self.fit.posterior()
             prior = prior.moved_to(posterior.mean) if settings.prior_information and again else posterior
-        found = self._state.kind.design(
+        found = designed(
             self.problem.replace(prior=prior),
             settings,
             threads=self._threads,
@@ -259,15 +260,16 @@ class Campaign(Shown):
         Raises
         ------
         TypeError, ValueError
-            For data of another model, of runs in a campaign of points or of points in one of runs, data that were added before, and
-            as `estimate`; the campaign stays as it was. Two points that were added before, to the last bit, are refused among
+            For data of another model, data of runs where D is not the sensor noise, data that were added before, and as
+            `estimate`; the campaign stays as it was. Two points that were added before, to the last bit, are refused among
             others too. So is a run whose samples were all added before, also where one of the two continues beyond the other's
             end. A single repeated sample counts as a replicate, with a warning: replicates of a coarse sensor, several of which
             read the same, can be added one at a time. A run of which half the samples were added before counts too, with a
             warning.
         """
         check_type(data, Measurements, "data")
-        self._state.kind.check(data)
+        if data.runs.points is None:
+            checked_problem(self.problem)
         model, points = self.problem.model, data.points
         given = (points.x0.shape[1], points.u.shape[-1], data.y.shape[-1])
         expected = (len(model.states), len(model.inputs), len(model.outputs))
@@ -322,7 +324,8 @@ class Campaign(Shown):
         if planned is None:
             return report
         title = "Next batch"
-        table = segments_table(model, planned, title) if isinstance(planned, Runs) else points_section(title, model, planned)
+        runs = as_runs(planned)
+        table = segments_table(model, runs, title) if planned is runs else points_section(title, model, runs.starts)
         return replace(report, sections=[*report.sections, table])
 
     def _asked(self) -> Sequence[Section]:
@@ -390,4 +393,4 @@ class Campaign(Shown):
 
 def _measured(parts: list[Measurements]) -> Measurements:
     """All parts, without points and runs of which nothing was measured: their trajectories may well fail."""
-    return Measurements.join(parts).told
+    return Measurements.join(parts).measured_part

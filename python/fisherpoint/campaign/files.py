@@ -30,7 +30,11 @@ from ..design.settings import settings_from_json, settings_to_json
 from ..engine.versions import versions
 from ..information.codec import problem_from_json
 from ..models import Model
-from .batches import Kind, kind_of
+from ..points.codec import points_or_runs_from_json, points_to_json
+from ..points.experiments import points_csv
+from ..points.run_files import plan_csv, runs_csv
+from ..points.runs import Points, as_runs
+from .batches import search_of
 from .state import Batch, State
 
 FORMAT = "fisherpoint campaign"
@@ -87,11 +91,11 @@ class CampaignFiles:
         """Write the tables of what is planned; `again`, only those that are gone, as others may have been filled in."""
         if state.planned is None:
             return
-        for name, text in state.kind.tables.items():
+        for name, text in _tables(state.planned, state.problem.model).items():
             path = self.directory / f"{name}_{len(state.batches) + 1}.csv"
             if not (again and path.exists()):
                 self._check_alone()
-                write_whole(path, text(state.planned, state.problem.model))
+                write_whole(path, text)
 
     def write_data(self, number: int, data: Measurements, model: Model) -> None:
         """Write the measurements of the batch of this number."""
@@ -137,6 +141,14 @@ class CampaignFiles:
         return self.directory / f"data_{number}.csv"
 
 
+def _tables(points: Points, model: Model) -> dict[str, str]:
+    """The texts of the tables of a batch, by the beginnings of their files' names."""
+    runs = as_runs(points)
+    if points is runs:
+        return {"batch": runs_csv(runs, model), "plan": plan_csv(runs, model)}
+    return {"batch": points_csv(runs.starts, model)}
+
+
 def _state_to_json(state: State, problem_json: dict[str, Any]) -> dict[str, Any]:
     return {
         "format": FORMAT,
@@ -145,29 +157,28 @@ def _state_to_json(state: State, problem_json: dict[str, Any]) -> dict[str, Any]
         "problem": problem_json,
         "settings": settings_to_json(state.settings),
         "targets": dict(state.targets),
-        "batches": [_batch_to_json(batch, state.kind) for batch in state.batches],
-        "planned": _or_none(state.kind.to_json, state.planned),
+        "batches": [_batch_to_json(batch) for batch in state.batches],
+        "planned": _or_none(points_to_json, state.planned),
     }
 
 
 def _state_from_json(data: dict[str, Any]) -> State:
     problem = problem_from_json(data["problem"])
-    kind = kind_of(problem)
     state = State(
         problem=problem,
-        settings=settings_from_json(kind.settings, data["settings"]),
+        settings=settings_from_json(search_of(problem).settings, data["settings"]),
         targets=FrozenMapping(data["targets"]),
-        batches=tuple(_batch_from_json(batch, kind) for batch in data["batches"]),
-        planned=_or_none(kind.from_json, data["planned"]),
+        batches=tuple(_batch_from_json(batch) for batch in data["batches"]),
+        planned=_or_none(points_or_runs_from_json, data["planned"]),
     )
     check_declared(state)
     return state
 
 
-def _batch_to_json(batch: Batch, kind: Kind) -> dict[str, Any]:
+def _batch_to_json(batch: Batch) -> dict[str, Any]:
     return {
-        "planned": _or_none(kind.to_json, batch.planned),
-        "data": {"points": kind.to_json(batch.data.points), "y": finite_or_none(batch.data.y)},
+        "planned": _or_none(points_to_json, batch.planned),
+        "data": {"points": points_to_json(batch.data.points), "y": finite_or_none(batch.data.y)},
         "estimate": dict(batch.estimate),
         "standard_errors": {name: value if np.isfinite(value) else None for name, value in batch.standard_errors.items()},
         "chi_square": batch.chi_square,
@@ -176,11 +187,11 @@ def _batch_to_json(batch: Batch, kind: Kind) -> dict[str, Any]:
     }
 
 
-def _batch_from_json(data: dict[str, Any], kind: Kind) -> Batch:
+def _batch_from_json(data: dict[str, Any]) -> Batch:
     errors = {name: np.inf if value is None else value for name, value in data["standard_errors"].items()}
     return Batch(
-        planned=_or_none(kind.from_json, data["planned"]),
-        data=Measurements(kind.from_json(data["data"]["points"]), np.array(data["data"]["y"], dtype=np.float64)),
+        planned=_or_none(points_or_runs_from_json, data["planned"]),
+        data=Measurements(points_or_runs_from_json(data["data"]["points"]), np.array(data["data"]["y"], dtype=np.float64)),
         estimate=FrozenMapping(data["estimate"]),
         standard_errors=FrozenMapping(errors),
         chi_square=data["chi_square"],

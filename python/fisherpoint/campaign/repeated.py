@@ -15,26 +15,25 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 from ..data import Measurements
-from ..points.experiments import Experiments
 from ..points.runs import Runs
 
 
 class _Run(NamedTuple):
     """A run up to its last number: where it is, and its outputs (n, n_y)."""
 
-    points: Experiments | Runs
+    runs: Runs
     row: int
     y: Array
 
     @property
     def begin(self) -> Hashable:
         """How the run begins."""
-        return self.points.key(self.row, 1)
+        return self.runs.key(self.row, 1)
 
     def same_samples(self, other: _Run) -> tuple[int, int]:
         """How many samples read the same as those of another run with the same inputs, and how many both have."""
         n = min(len(self.y), len(other.y))
-        if self.points.key(self.row, n) != other.points.key(other.row, n):
+        if self.runs.key(self.row, n) != other.runs.key(other.row, n):
             return 0, 0
         both = np.isfinite(self.y[:n]) & np.isfinite(other.y[:n])
         there = both.any(axis=1)
@@ -51,11 +50,11 @@ def check_new(batches: Sequence[Measurements], data: Measurements) -> None:
     batches : sequence of Measurements
         The data of each earlier batch.
     data : Measurements
-        Of points where those are, else of runs.
+        Those that are to be new.
     """
     known: dict[int, dict[int, int]] = {}  # by batch and row, how many samples
     alike: dict[int, tuple[int, str]] = {}  # by row
-    of_runs = isinstance(data.points, Runs)
+    kind = data.points.kind
     for k, batch in enumerate(batches, 1):
         for row, same, both in _matches(batch, data):
             if same == both:
@@ -70,11 +69,10 @@ def check_new(batches: Sequence[Measurements], data: Measurements) -> None:
     if sum(samples.values()) > 1:
         k = max(known, key=lambda k: len(known[k]))
         number = sum(1 for _ in _runs(batches[k - 1]))
-        which = "those" if len(known[k]) >= number else f"{len(known[k])} of the {number} {'runs' if of_runs else 'rows'}"
+        which = "those" if len(known[k]) >= number else f"{len(known[k])} of the {number} {kind}s"
         raise ValueError(f"data: expected new measurements only, given {which} of batch {k} among them")
     for row, (k, part) in sorted(alike.items()):
-        where = f"runs[{row}]" if of_runs else f"row {row}"
-        warnings.warn(f"data: {where} is also in batch {k}{part}; it counts as a repeated measurement", stacklevel=3)
+        warnings.warn(f"data: {kind}s[{row}] is also in batch {k}{part}; it counts as a repeated measurement", stacklevel=3)
 
 
 def _matches(batch: Measurements, data: Measurements) -> Iterator[tuple[int, int, int]]:
@@ -90,10 +88,8 @@ def _matches(batch: Measurements, data: Measurements) -> Iterator[tuple[int, int
 
 
 def _runs(data: Measurements) -> Iterator[_Run]:
-    """The runs, or points as such, that have a number."""
-    points, y = data.points, data.y
-    if isinstance(points, Experiments):
-        y = y[:, None]
+    """The runs that have a number."""
+    runs, y = data.runs, data.run_outputs
     there: NDArray[np.bool_] = np.asarray(np.isfinite(y).any(axis=2))
     for row in np.flatnonzero(there.any(axis=1)).tolist():
-        yield _Run(points, row, y[row, : int(np.flatnonzero(there[row])[-1]) + 1])
+        yield _Run(runs, row, y[row, : int(np.flatnonzero(there[row])[-1]) + 1])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
+from .batches import search_of
 from .state import State
 
 MOST_COLUMNS = 6
@@ -15,7 +17,9 @@ MOST_COLUMNS = 6
 def campaign_report(state: State, met: Mapping[str, bool], done: bool) -> Report:
     """The report of a campaign."""
     history, names, targets = state.batches, state.problem.estimated, state.targets
-    measured = sum(len(batch.data) for batch in history)
+    measured = Counter({} if history else {search_of(state.problem).kind: 0})
+    for batch in history:
+        measured[batch.data.points.kind] += len(batch.data)
     units = {quantity.name: quantity.unit for quantity in state.problem.model.parameters}
     shown = list(enumerate(history, 1))[-MOST_COLUMNS:]
     errors = [state.rse[0], *(batch.rse for _, batch in shown)]
@@ -29,7 +33,9 @@ def campaign_report(state: State, met: Mapping[str, bool], done: bool) -> Report
             target = targets.get(name)
             row += ["", ""] if target is None else [f"{number(100 * target, 3)} %", "yes" if met[name] else "no"]
         rows.append(row)
-    so_far = f"{counted(len(history), 'batch', 'batches')}, {counted(measured, state.kind.name)} measured"
+    so_far = (
+        f"{counted(len(history), 'batch', 'batches')}, {' and '.join(counted(n, kind) for kind, n in measured.items())} measured"
+    )
     notes = [*_goodness(state), _stage(state, met, done)]
     table = Section("Relative standard errors, shares of the estimate", columns, rows, notes=notes)
     stuck = bool(history) and not history[-1].converged
@@ -53,6 +59,8 @@ def _stage(state: State, met: Mapping[str, bool], done: bool) -> str:
     if done:
         return "All targets are met"
     lacking = [name for name, is_met in met.items() if not is_met]
-    planned = "is to be designed" if state.planned is None else f"is to be measured: {counted(len(state.planned), state.kind.name)}"
+    planned = (
+        "is to be designed" if state.planned is None else f"is to be measured: {counted(len(state.planned), state.planned.kind)}"
+    )
     missed = f"; above target: {', '.join(lacking)}" if state.batches and lacking else ""
     return f"Batch {len(state.batches) + 1} {planned}{missed}"

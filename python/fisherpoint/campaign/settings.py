@@ -14,7 +14,7 @@ from ..basics.checks import as_share, by_name, check_positive_int
 from ..basics.messages import shown
 from ..design.settings import most_iterations
 from ..information.problem import DesignProblem
-from .batches import Kind, Settings
+from .batches import Settings, search_of
 
 MOST_TARGET = 1.0
 """Relative standard error above which a percentage was meant."""
@@ -25,17 +25,18 @@ def batch_seed(seed: int, batches: int) -> int:
     return int(np.random.SeedSequence([seed, batches]).generate_state(1)[0])
 
 
-def batch_settings(problem: DesignProblem, kind: Kind, batch: int | None, seed: int, given: Mapping[str, Any]) -> Settings:
-    """Settings of the search for a batch: the search's own defaults, but for what the kind presets."""
-    defaults = {name: one.default for name, one in signature(kind.search).parameters.items()}
-    known = [field.name for field in fields(kind.settings) if field.name not in (kind.size, "seed", "time_limit")]
+def batch_settings(problem: DesignProblem, batch: int | None, seed: int, given: Mapping[str, Any]) -> Settings:
+    """Settings of the search for a batch: the search's own defaults, but for what batches preset."""
+    by = search_of(problem)
+    defaults = {name: one.default for name, one in signature(by.search).parameters.items()}
+    known = [field.name for field in fields(by.settings) if field.name not in (by.size, "seed", "time_limit")]
     for unknown in (name for name in given if name not in known):
         raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
-    values = {name: defaults[name] for name in known} | dict(kind.preset) | dict(given)
+    values = {name: defaults[name] for name in known} | dict(by.preset) | dict(given)
     if "max_iterations" in values:
         values["max_iterations"] = most_iterations(values["max_iterations"], values["method"], problem)
-    values[kind.size] = check_positive_int(kind.batch if batch is None else batch, "batch")
-    return kind.settings(**values, seed=check_positive_int(seed, "seed", 0), time_limit=None)
+    values[by.size] = check_positive_int(by.batch if batch is None else batch, "batch")
+    return by.settings(**values, seed=check_positive_int(seed, "seed", 0), time_limit=None)
 
 
 def checked_targets(given: Mapping[str, float] | float | None, problem: DesignProblem) -> Mapping[str, float]:

@@ -10,7 +10,8 @@ from ..basics.declared import Extents
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
 from ..information.problem import DesignProblem
-from .batches import Kind, Points, Settings, kind_of
+from ..points.runs import Points
+from .batches import Settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +72,6 @@ class State:
         "batches.estimate": ("problem.unknowns",),
         "batches.standard_errors": ("problem.unknowns",),
     }
-
-    @property
-    def kind(self) -> Kind:
-        """Whether batches are of points or of runs."""
-        return kind_of(self.problem)
 
     @property
     def estimate(self) -> Mapping[str, float]:

@@ -5,28 +5,32 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_numbers, as_rows
+from ..basics.checks import as_numbers
 from ..basics.values import Array
 from ..points.runs import Runs
 
 
-def measured_outputs(values: ArrayLike, count: int) -> Array:
-    """Outputs (count, n_y), NaN where not measured, at least one measured; (count,) is taken for a single output."""
-    return _checked(as_rows(as_numbers(values, "y"), count, "y", "n_y"))
-
-
-def measured_run_outputs(values: ArrayLike, runs: Runs) -> Array:
-    """Outputs (K, N, n_y) of runs, NaN at segments that are not measured; (K, N) is taken for a single output."""
-    y, shape = as_numbers(values, "y"), runs.dt.shape
+def measured_outputs(values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Outputs (*shape, n_y), NaN where not measured, at least one measured; `shape` itself is taken for a single output."""
+    y = as_numbers(values, "y")
     if y.shape == shape:
-        y = y[:, :, None]
-    if y.ndim != 3 or y.shape[:2] != shape:
-        raise ValueError(f"y: expected shape ({shape[0]}, {shape[1]}, n_y), given {y.shape}")
+        y = y[..., None]
+    if y.ndim != len(shape) + 1 or y.shape[:-1] != shape:
+        raise ValueError(f"y: expected shape ({', '.join(map(str, shape))}, n_y), given {y.shape}")
+    if np.isinf(y).any():
+        where = tuple(int(i) for i in np.argwhere(np.isinf(y))[0])
+        raise ValueError(f"y: expected finite numbers, or NaN for what was not measured; given {y[where]} at {where}")
+    if np.isnan(y).all():
+        raise ValueError("y: expected at least one measured number, given none")
+    return y
+
+
+def refuse_beside_samples(runs: Runs, y: Array) -> None:
+    """Raise for an output of (K, N, n_y) at a segment that is not measured."""
     beside = np.argwhere(~np.isnan(y) & ~runs.measured[:, :, None])
     if len(beside):
         k, n, i = (int(place) for place in beside[0])
         raise ValueError(f"y: expected NaN where runs are not measured, given {y[k, n, i]:g} in segment {n} of runs[{k}]")
-    return _checked(y)
 
 
 def runs_with_outputs(runs: Runs, y: Array) -> tuple[Runs, Array]:
@@ -38,12 +42,3 @@ def runs_with_outputs(runs: Runs, y: Array) -> tuple[Runs, Array]:
     rows = np.flatnonzero(there.any(axis=1))
     measured = runs[rows].ending(there[rows])
     return measured, y[rows, : measured.dt.shape[1]]
-
-
-def _checked(y: Array) -> Array:
-    if np.isinf(y).any():
-        where = tuple(int(i) for i in np.argwhere(np.isinf(y))[0])
-        raise ValueError(f"y: expected finite numbers, or NaN for what was not measured; given {y[where]} at {where}")
-    if np.isnan(y).all():
-        raise ValueError("y: expected at least one measured number, given none")
-    return y

@@ -29,28 +29,29 @@ from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import BOOKKEEPING, Experiments, columns_of
 from ..points.run_files import MEASURED, RUN, SEGMENT, rest_columns_of, rest_of_table, runs_csv, runs_of_table
-from ..points.runs import Runs
+from ..points.runs import Points, Runs, as_runs
 from ..points.status import Status
 from .plausibility import refuse_implausible
 
 
-def measurements_csv(points: Experiments | Runs, y: Array, model: Model) -> str:
+def measurements_csv(points: Points, y: Array, model: Model) -> str:
     """The text of a file of measurements; every digit is kept, and what was not measured is an empty entry."""
     axes, outputs = names_of(model.axes), [f"y_{name}" for name in names_of(model.outputs)]
     given = (points.x0.shape[1], points.u.shape[-1], y.shape[-1])
     expected = (len(model.states), len(model.inputs), len(model.outputs))
     if given != expected:
         raise ValueError(f"model: expected one of {given} states, inputs and outputs, given {model.name} of {expected}")
-    if isinstance(points, Runs):
+    runs = as_runs(points)
+    if points is runs:
         of_segments = {name: y[:, :, i] for i, name in enumerate(outputs)}
-        return runs_csv(points, model, of_segments)
+        return runs_csv(runs, model, of_segments)
     header = (*axes, *outputs)
     if len(set(header)) != len(header):
         raise ValueError(f"model: expected names that differ from y_<output>, given {listed(axes)}")
-    return csv_text(header, np.column_stack([points.table[:, : len(axes)], y]).tolist())
+    return csv_text(header, np.column_stack([runs.starts.table[:, : len(axes)], y]).tolist())
 
 
-def read_measurements(path: str | Path, model: Model) -> tuple[Experiments | Runs, Array]:
+def read_measurements(path: str | Path, model: Model) -> tuple[Points, Array]:
     """Read and check points, or runs, and outputs of a file of measurements of `model`; see `Measurements.from_csv`."""
     table = CsvTable(path)
     table.warn_of_cut_off()
@@ -73,8 +74,10 @@ def _points(table: CsvTable, model: Model) -> tuple[Experiments, Array]:
     u = np.column_stack([np.empty((n, 0)), *(table.complete(quantity) for quantity in model.inputs)])
     dt = table.complete(DURATION) if "dt" in table else np.ones(n)
     y = _numbers(table, model, outputs, _failed(table))
-    refuse_implausible(table, model, outputs, np.column_stack([planned, u, dt]), x0, u, y)
-    return Experiments(x0, u, dt, columns=columns_of(model)), y
+    points = Experiments(x0, u, dt, columns=columns_of(model))
+    _, same = Runs.of_points(points.starting(planned)).distinct()
+    refuse_implausible(table, model, outputs, same[:, None], x0, u, y)
+    return points, y
 
 
 def _runs(table: CsvTable, model: Model) -> tuple[Runs, Array]:

@@ -14,11 +14,11 @@ from ..basics.checks import as_index, as_parts, check_alike, check_type
 from ..basics.files import write_whole
 from ..basics.values import Array
 from ..models import Model
-from ..points.experiments import Experiments
-from ..points.runs import Runs
+from ..points.runs import Points, Runs, as_flat, as_runs, joined
+from ..show.numbers import counted
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, beside, first_rows, numbered
-from .measured_outputs import measured_outputs, measured_run_outputs, runs_with_outputs
+from .measured_outputs import measured_outputs, refuse_beside_samples, runs_with_outputs
 from .measurement_files import measurements_csv, read_measurements
 
 
@@ -43,16 +43,13 @@ class Measurements(InNotebooks):
         For a wrong shape, infinite numbers, a number at a segment that is not measured, or no measured number at all.
     """
 
-    points: Experiments | Runs
+    points: Points
     y: Array
 
     def __post_init__(self) -> None:
-        if isinstance(self.points, Runs):
-            y = measured_run_outputs(self.y, self.points)
-        elif isinstance(self.points, Experiments):
-            y = measured_outputs(self.y, len(self.points))
-        else:
-            raise TypeError(f"points: expected Experiments or Runs, given {type(self.points).__name__}")
+        runs = as_runs(self.points)
+        y = measured_outputs(self.y, self.points.dt.shape)
+        refuse_beside_samples(runs, y.reshape(*runs.dt.shape, -1))
         y.flags.writeable = False
         object.__setattr__(self, "y", y)
 
@@ -65,41 +62,41 @@ class Measurements(InNotebooks):
         return Measurements(self.points[chosen], self.y[chosen])
 
     @property
-    def experiments(self) -> Experiments:
-        """The points, which are no runs."""
-        if not isinstance(self.points, Experiments):
-            raise TypeError(f"points: expected Experiments, given {type(self.points).__name__}")
-        return self.points
+    def runs(self) -> Runs:
+        """The runs; points are runs of one segment."""
+        return as_runs(self.points)
+
+    @property
+    def run_outputs(self) -> Array:
+        """Outputs (K, N, n_y) of `runs`."""
+        return self.y.reshape(*self.runs.dt.shape, -1)
 
     @property
     def samples(self) -> Array:
         """Outputs (S, n_y) with a row for each sample: a point, or a measured segment, run after run."""
-        return self.y[self.points.measured] if isinstance(self.points, Runs) else self.y
+        return self.run_outputs[self.runs.measured]
 
     @property
-    def told(self) -> Measurements:
+    def measured_part(self) -> Measurements:
         """The measurements without points and runs that have no number; runs end at their last number."""
-        if isinstance(self.points, Runs):
-            runs, y = runs_with_outputs(self.points, self.y)
-            return self if runs == self.points else Measurements(runs, y)
-        there = np.isfinite(self.y).any(axis=1)
-        return self if there.all() else self[np.flatnonzero(there)]
+        runs, there = self.runs, np.asarray(np.isfinite(self.run_outputs).any(axis=2))
+        if np.array_equal(there, runs.measured) and there[np.arange(len(runs)), runs.segments - 1].all():
+            return self
+        runs, y = runs_with_outputs(runs, self.run_outputs)
+        points = as_flat(runs, self.points)
+        return Measurements(points, y.reshape(*points.dt.shape, -1))
 
     @staticmethod
     def join(parts: Sequence[Measurements]) -> Measurements:
-        """Return the measurements of all parts, of points or of runs, one after the other."""
+        """Return all parts, one after the other; points are runs of one segment where runs are among them."""
         parts = as_parts(parts, Measurements)
         sizes = [(part.points.x0.shape[1], part.points.u.shape[-1], part.y.shape[-1]) for part in parts]
         check_alike(sizes, "states, inputs and outputs")
-        runs = [part.points for part in parts if isinstance(part.points, Runs)]
-        if not runs:
-            return Measurements(Experiments.join([part.experiments for part in parts]), np.concatenate([part.y for part in parts]))
-        if len(runs) < len(parts):
-            raise TypeError("parts: expected measurements of points, or of runs; given both")
-        joined = Runs.join(runs)
-        longest = joined.dt.shape[1]
-        padded = [np.pad(part.y, ((0, 0), (0, longest - part.y.shape[1]), (0, 0)), constant_values=np.nan) for part in parts]
-        return Measurements(joined, np.concatenate(padded))
+        points = joined([part.points for part in parts])
+        segments = as_runs(points).dt.shape[1]
+        missing = [((0, 0), (0, segments - part.runs.dt.shape[1]), (0, 0)) for part in parts]
+        y = [np.pad(part.run_outputs, by, constant_values=np.nan) for part, by in zip(parts, missing, strict=True)]
+        return Measurements(points, np.concatenate(y).reshape(*points.dt.shape, -1))
 
     def to_csv(self, path: str | Path, model: Model) -> None:
         """Write the design's CSV, or that of the runs, with a column ``y_<output>`` for each output, empty where not measured.
@@ -135,12 +132,12 @@ class Measurements(InNotebooks):
 
     def _in_notebook(self) -> Report:
         outputs = numbered("y", self.samples)
-        if isinstance(self.points, Runs):
-            run, segment = np.nonzero(self.points.measured)
+        if self.points is self.runs:
+            run, segment = np.nonzero(self.runs.measured)
             places: dict[str, Any] = {
                 "run": list(map(str, run)),
                 "segment": list(map(str, segment)),
-                "t": self.points.t[run, segment],
+                "t": self.runs.t[run, segment],
             }
             return Report(repr(self), [first_rows(len(run), {**places, **outputs})])
         (points,) = self.points._in_notebook().sections
@@ -148,5 +145,5 @@ class Measurements(InNotebooks):
 
     def __repr__(self) -> str:
         samples = self.samples
-        of = f"{len(self)} runs, {len(samples)} samples" if isinstance(self.points, Runs) else f"{len(self)} points"
+        of = counted(len(self), self.points.kind) + (f", {len(samples)} samples" if self.points is self.runs else "")
         return f"Measurements({of}, {samples.shape[1]} outputs, {np.isfinite(samples).sum()} of {samples.size} numbers)"

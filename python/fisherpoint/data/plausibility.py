@@ -35,7 +35,7 @@ def refuse_implausible(
     table: CsvTable,
     model: Model,
     outputs: Mapping[str, str],
-    planned: Array,
+    replicates: Places,
     x0: Array,
     u: Array,
     y: Array,
@@ -46,7 +46,7 @@ def refuse_implausible(
     Parameters
     ----------
     outputs : mapping of output name to column name
-    planned : ndarray, (K, ...)
+    replicates : ndarray of int, (K, ...)
         What a row of the table is of; equal rows are replicates, also where their measured starts differ.
     x0, u : ndarray
         Starts with the inputs there.
@@ -55,7 +55,7 @@ def refuse_implausible(
         Rows of the table in which the starts stand, where these are not all.
     """
     _refuse_starts(table, model, x0, u, np.arange(len(table)) if starts is None else starts)
-    order, groups = _replicates(planned)
+    order, groups = _grouped(replicates)
     for j, quantity in enumerate(model.outputs):
         if quantity.name in outputs:
             column = outputs[quantity.name]
@@ -108,10 +108,10 @@ def _refuse_above(table: CsvTable, column: str, y: Array, size: float, what: str
         )
 
 
-def _replicates(planned: Array) -> tuple[Places, Places]:
+def _grouped(replicates: Places) -> tuple[Places, Places]:
     """Return an order of the rows that brings equal ones together, and for each place in it the number of its group."""
-    order = np.lexsort(planned.T[::-1])
-    ordered = planned[order]
+    order = np.lexsort(replicates.T[::-1])
+    ordered = replicates[order]
     return order, np.cumsum(np.concatenate([[0], (ordered[1:] != ordered[:-1]).any(axis=1)]))
 
 

@@ -57,7 +57,7 @@ class Record(InNotebooks):
 
     def __post_init__(self) -> None:
         t = checked_times(self.t)
-        arrays = {"t": t, "u": held_inputs(self.u, len(t)), "y": measured_outputs(self.y, len(t))}
+        arrays = {"t": t, "u": held_inputs(self.u, len(t)), "y": measured_outputs(self.y, t.shape)}
         for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)

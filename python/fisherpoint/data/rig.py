@@ -13,12 +13,12 @@ from ..basics.checks import as_std_or_zero, by_name, check_positive_int, check_t
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..models import Model
-from ..points.experiments import Experiments
 from ..points.rest_starts import checked_starts
-from ..points.runs import Runs
+from ..points.runs import Points, as_runs
 from ..points.settings import check_rtol
+from ..points.simulate import simulate
 from ..points.status import Status, failures_of
-from ..points.trajectories import simulate
+from ..show.numbers import counted
 from .measurements import Measurements
 
 MAX_POINTS = 10**8
@@ -84,7 +84,7 @@ class VirtualRig:
     def failures(self) -> Mapping[str, int]:
         return FrozenMapping(self._failures)
 
-    def measure(self, points: Experiments | Runs, *, repeats: int = 1) -> Measurements:
+    def measure(self, points: Points, *, repeats: int = 1) -> Measurements:
         """Carry out all points, or runs, one after the other, and that `repeats` times.
 
         The start of a run deviates once; every sample has noise of its own.
@@ -101,39 +101,32 @@ class VirtualRig:
         ValueError
             Where nothing is measured, as no trajectory gets as far, and for points that do not fit the model.
         """
-        if not isinstance(points, Experiments | Runs):
-            raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
+        runs, n_x = as_runs(points), len(self.model.states)
         times = check_positive_int(repeats, "repeats", most=MAX_POINTS // max(points.dt.size, 1))
-        planned = points[np.tile(np.arange(len(points)), times)]
-        deviation = self._start_std * self._starts.standard_normal((len(planned), len(self.model.states)))
-        noise = self._noise_std * self._noise.standard_normal((*planned.dt.shape, len(self.model.outputs)))
-        if planned.x0.shape[1] != len(self.model.states):
-            raise ValueError(f"x0: expected shape (K, {len(self.model.states)}), given {planned.x0.shape}")
-        if isinstance(planned, Runs):
-            x0 = checked_starts(self.model, planned, self.theta, deviation) + deviation
-            along = simulate(self.model, planned.starting(x0), self.theta, rtol=self.rtol, jumps="cross")
-            completed = np.arange(planned.dt.shape[1]) < along.reached[:, None]
-            there = planned.measured & completed & (along.status != Status.not_finite)[:, None]
-            y, status = along.y, along.status
-        else:
-            done = simulate(self.model, planned.starting(planned.x0 + deviation), self.theta, rtol=self.rtol, jumps="cross")
-            there = done.status == Status.ok
-            y, status = done.y, done.status
-        counts = failures_of(status)
+        rows = np.tile(np.arange(len(points)), times)
+        planned, runs = points[rows], runs[rows]
+        deviation = self._start_std * self._starts.standard_normal((len(runs), n_x))
+        noise = self._noise_std * self._noise.standard_normal((*runs.dt.shape, len(self.model.outputs)))
+        if runs.x0.shape[1] != n_x:
+            raise ValueError(f"x0: expected shape (K, {n_x}), given {runs.x0.shape}")
+        x0 = checked_starts(self.model, runs, self.theta, deviation) + deviation
+        done = simulate(self.model, runs.starting(x0), self.theta, rtol=self.rtol, jumps="cross")
+        completed = np.arange(runs.dt.shape[1]) < done.reached[:, None]
+        there = runs.measured & completed & (done.status != Status.not_finite)[:, None]
+        counts = failures_of(done.status)
         self._failures += counts
         reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
-        of_runs = isinstance(planned, Runs)
         if not there.any():
-            far, none = ("a sample", "no runs") if of_runs else ("its end", "no points")
-            raise ValueError(f"points: expected at least one whose trajectory reaches {far}, given none: {reasons or none}")
+            given = reasons or f"no {points.kind}s"
+            raise ValueError(f"points: expected at least one whose trajectory reaches a sample, given none: {given}")
         if counts:
             warnings.warn(
-                f"{sum(counts.values())} of {len(planned)} "
-                f"{'runs are not measured to their ends' if of_runs else 'points are not measured'}: {reasons}",
+                f"{sum(counts.values())} of {counted(len(runs), points.kind)} are not measured to their ends: {reasons}",
                 RuntimeWarning,
                 stacklevel=2,
             )
-        return Measurements(planned, np.where(there[..., None], y + noise, np.nan))
+        y = np.where(there[:, :, None], done.y + noise, np.nan)
+        return Measurements(planned, y.reshape(*planned.dt.shape, -1))
 
     def __repr__(self) -> str:
         measured = [name for name, std in zip(names_of(self.model.outputs), self._noise_std, strict=True) if not np.isnan(std)]

@@ -15,7 +15,6 @@ from ..information.combinations import combinations
 from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
-from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from ..show.progress import Step, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
@@ -167,7 +166,6 @@ def approximate(
         rng = np.random.default_rng(seed)
         given, fast = candidates, problem.model.in_core  # of slow models few points are tried
         if given is None:
-            _check_region(problem)
             given = _drawn(problem, n_candidates, rng)
             if fast and criterion != "c":
                 given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, report)])
@@ -258,13 +256,6 @@ def _experiments(added: bool, n_experiments: int | None) -> int | None:
     return check_positive_int(n_experiments, "n_experiments")
 
 
-def _check_region(problem: DesignProblem) -> None:
-    region = problem.region
-    if not isinstance(region, ExperimentRegion):
-        given = "None" if region is None else "one of runs"
-        raise ValueError(f"region: expected an ExperimentRegion where no candidates are given, given {given}")
-
-
 def _step(now: ApproximateProgress) -> Step:
     return Step(state=f"{now.doing}, {now.candidates} candidates")
 
@@ -299,8 +290,7 @@ def _searched(
 
 def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:
     """Points of the region, of every second some coordinates on its bounds, where optima often lie."""
-    region, model = problem.region, problem.model
-    assert isinstance(region, ExperimentRegion)
+    region, model = problem.point_region, problem.model
     table = region.draw(model, count, seed=rng, decades=True).table[:, : len(model.axes)].copy()
     lower, upper = region.box(model)
     on_bounds = rng.random(table.shape) < 0.5

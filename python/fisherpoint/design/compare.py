@@ -20,8 +20,7 @@ from ..information.evaluate import evaluate_under_noise
 from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
-from ..points.experiments import Experiments
-from ..points.runs import Runs
+from ..points.runs import Points, as_runs, points_of
 from ..points.settings import resolve_threads
 from ..points.status import NoTrajectory
 from ..show.numbers import computed, counted, number, percent
@@ -232,7 +231,7 @@ def compare(
     return DesignComparison(problem, FrozenMapping(found))
 
 
-def _compared(problem: DesignProblem, name: str, points: Experiments | Runs, draws: int, seed: int, threads: int) -> ComparedDesign:
+def _compared(problem: DesignProblem, name: str, points: Points, draws: int, seed: int, threads: int) -> ComparedDesign:
     evaluation, without = None, ""
     try:
         try:
@@ -242,9 +241,9 @@ def _compared(problem: DesignProblem, name: str, points: Experiments | Runs, dra
         able = feasibility(problem, points, draws=draws, seed=seed, threads=threads)
     except ValueError as error:
         raise ValueError(f"designs[{name!r}]: {error}") from error
-    p, samples = len(problem.estimated), int(points.measured.sum()) if isinstance(points, Runs) else len(points)
+    p, samples = len(problem.estimated), int(as_runs(points).measured.sum())
     return ComparedDesign(
-        kind="run" if isinstance(points, Runs) else "point",
+        kind=points.kind,
         count=len(points),
         samples=samples,
         duration=float(points.dt.sum()),
@@ -255,7 +254,7 @@ def _compared(problem: DesignProblem, name: str, points: Experiments | Runs, dra
     )
 
 
-def named_designs(given: Any) -> dict[str, Experiments | Runs]:
+def named_designs(given: Any) -> dict[str, Points]:
     """The points or runs of designs by their names; one alone is called "design", and those of a sequence "design 1" and so on."""
     if _points_of(given) is not None:
         given = {"design": given}
@@ -276,7 +275,6 @@ def named_designs(given: Any) -> dict[str, Experiments | Runs]:
     return named
 
 
-def _points_of(design: Any) -> Experiments | Runs | None:
+def _points_of(design: Any) -> Points | None:
     """The points or runs of a design; None where it is none, or has weights instead of whole numbers of points."""
-    points = design if isinstance(design, Experiments | Runs) else getattr(design, "points", None)
-    return points if isinstance(points, Experiments | Runs) and not hasattr(design, "weights") else None
+    return None if hasattr(design, "weights") else points_of(design)

@@ -22,6 +22,7 @@ from ..information.previous import Previous, previous_information
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
+from ..points.runs import as_runs, points_of
 from ..points.settings import resolve_threads
 from ..points.status import Status, failures_of
 from ..show.progress import check_progress, following
@@ -245,8 +246,9 @@ def _with_kept(
     problem: DesignProblem, keep: Experiments | FoundDesign, known: PointInformation | None, n_experiments: int, threads: int
 ) -> tuple[PointInformation, Experiments]:
     """Return the known points beside those to be found, and the points that are kept."""
-    kept = getattr(keep, "points", keep)
-    if not isinstance(kept, Experiments):
+    given = points_of(keep)
+    kept = None if given is None else as_runs(given).points
+    if kept is None:
         raise TypeError(f"keep: expected Experiments or a Design of points, given {type(keep).__name__}")
     if not 0 < len(kept) < n_experiments:
         raise ValueError(f"keep: expected fewer points than n_experiments, {n_experiments}, and at least one; given {len(kept)}")

@@ -12,8 +12,8 @@ from ..information.sensitivity_stack import default_region
 from ..models import Model
 from ..models.toml import load_model
 from ..points.region import ExperimentRegion
+from ..points.simulate import simulate
 from ..points.status import Status
-from ..points.trajectories import simulate
 
 RELATIVE_STD = 0.2
 """Relative standard deviation of every parameter."""

@@ -13,6 +13,7 @@ from ..information.evaluation import Evaluation
 from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
+from ..points.runs import Runs
 from .efficiency import Efficiency
 from .optimality.criteria import Criterion
 from .optimality.goal import criterion_of_design
@@ -147,4 +148,4 @@ class FoundDesign:
     @property
     def distinct_points(self) -> int:
         """Number of different points; a design may repeat one."""
-        return len(self.points.distinct()[0])
+        return len(Runs.of_points(self.points).distinct()[0])

@@ -8,7 +8,7 @@ from ..basics.values import Array
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.runs import Runs
-from ..points.trajectories import simulate
+from ..points.simulate import simulate
 
 FRACTIONS = np.unique(np.concatenate([[1e-6], np.geomspace(1e-4, 1.0, 17), np.linspace(0.0, 1.0, 41)[1:]]))
 """Fractions of a duration at which trajectories are drawn: what is fast at the start is seen beside what is slow."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ..basics.quantity import Quantity
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
+from ..points.simulate import simulate
 from ..points.status import Status
-from ..points.trajectories import simulate
 from ..show.durations import axis_scale, make_logarithmic
 from ..show.style import NOISE, STYLE, TEXT, Picture, labelled, scale, settle
 from .evaluated import Evaluated

@@ -11,7 +11,6 @@ from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
-from ..points.experiments import Experiments
 from ..points.predictive import predictive_covariance
 from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
@@ -26,11 +25,14 @@ def apriori_covariance(
     None where there is no prior of all parameters, where there are records or runs, and where no point has its trajectories.
     """
     names = names_of(model.parameters)
-    measured = [part for part in data if isinstance(part, Measurements) and isinstance(part.points, Experiments)]
+    measured = [part for part in data if isinstance(part, Measurements)]
     if prior is None or set(names) - set(prior.names) or len(measured) < len(data):
         return None
-    points = Measurements.join(measured).experiments
-    first, of = points.distinct()
+    runs = Measurements.join(measured).runs
+    points = runs.points
+    if points is None:
+        return None
+    first, of = runs.distinct()
     counts = np.bincount(of)
     varied = tuple(name for name in names if name in estimated)
     spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, jumps="cross", parameters=varied)

@@ -274,7 +274,7 @@ def _parts(data: Any, model: Model, noise_std: Mapping[str, float] | None) -> tu
             if np.isnan(y).all():
                 continue
             part = replace(part, y=y)
-        parts.append(part.told if isinstance(part, Measurements) else part)
+        parts.append(part.measured_part if isinstance(part, Measurements) else part)
     if not parts:
         raise ValueError(f"data: expected a number of {listed(noise_std or ())}, whose noise is known; given none")
     return tuple(parts)

@@ -14,7 +14,6 @@ from ..basics.files import built_from, parse_json, read_bytes, sealed_json, writ
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..data.measurements import Measurements
-from ..points.runs import Runs
 from . import report
 from .fit_state import PLAIN, fit_from_state, fit_state
 from .plots import PICTURES
@@ -132,7 +131,7 @@ def _residuals_csv(fit: FitStatistics) -> str:
 
     Where there are runs among the data, their numbers and those of their segments too.
     """
-    of_runs = any(isinstance(part, Measurements) and isinstance(part.points, Runs) for part in fit.data)
+    of_runs = any(isinstance(part, Measurements) and part.points is part.runs for part in fit.data)
     header = [
         "data",
         "sample",
@@ -146,8 +145,7 @@ def _residuals_csv(fit: FitStatistics) -> str:
     standardised, names, n = fit.standardised, names_of(fit.model.outputs), 0
     rows: list[list[float | str]] = []
     for number, part in enumerate(fit.data, start=1):
-        runs = part.points if isinstance(part, Measurements) else None
-        places = np.argwhere(runs.measured) + 1 if isinstance(runs, Runs) else None
+        places = np.argwhere(part.runs.measured) + 1 if isinstance(part, Measurements) and part.points is part.runs else None
         for k, y in enumerate(part.samples):
             place = [] if not of_runs else ["", ""] if places is None else [str(i) for i in places[k]]
             for i in np.flatnonzero(np.isfinite(fit.residuals[n])):

@@ -26,8 +26,7 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
-from ..points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
-from ..points.runs import Runs
+from ..points.codec import points_or_runs_from_json, points_to_json
 from ..points.settings import resolve_threads
 from ..prior.codec import prior_from_json, prior_to_json
 from .nuisance import Nuisance, known_beforehand
@@ -160,14 +159,14 @@ def _data_to_json(part: Any) -> dict[str, Any]:
     y = finite_or_none(part.y)
     if isinstance(part, Record):
         return {"t": part.t.tolist(), "u": part.u.tolist(), "y": y, "x0": dict(part.x0), "begin": part.begin}
-    return (runs_to_json(part.points) if isinstance(part.points, Runs) else points_to_json(part.points)) | {"y": y}
+    return points_to_json(part.points) | {"y": y}
 
 
 def _data_from_json(data: dict[str, Any]) -> Measurements | Record:
     y = np.array(data["y"], dtype=np.float64)  # of None it makes NaN
     if "t" in data:
         return Record(_numbers(data["t"]), _numbers(data["u"]).reshape(len(y), -1), y, x0=data["x0"], begin=data["begin"])
-    return Measurements(runs_from_json(data) if "measured" in data else points_from_json(data), y)
+    return Measurements(points_or_runs_from_json(data), y)
 
 
 def _numbers(values: Any) -> Array:

@@ -12,10 +12,10 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..information.assumed import assumed_covariance, assumed_of
 from ..models import Model
+from ..points.broken_limits import refuse_failures
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import Integration
-from ..points.status import Status
 from ..prior.rules import Linearized, Rule
 from .run_error import RunError, run_errors
 
@@ -64,11 +64,12 @@ class KnownNoise:
                     f"{label}: expected measurements of points or runs, given a record: estimate its start, and what has one value "
                     "in it"
                 )
-            if isinstance(part.points, Runs):
+            points = part.runs.points
+            if points is None:
                 common += self._of_runs(part, theta, sum(map(len, shares)))
                 shares.append(np.zeros((len(part.samples), *self.sensors.shape)))
             else:
-                shares.append(self._of_points(part.points, theta))
+                shares.append(self._of_points(points, theta))
         return self.sensors + np.concatenate(shares), tuple(common)
 
     def _of_points(self, points: Experiments, theta: Array) -> Array:
@@ -83,9 +84,8 @@ class KnownNoise:
             jumps="cross",
             rule=self.rule,
         )
-        if status.any():
-            k = int(np.argmax(status != Status.ok))
-            raise ValueError(f"points: expected trajectories that are ok, given points[{k}] ({Status(status[k]).name})")
+        settings = Integration(self.rtol, threads=self.threads)
+        refuse_failures(self.model, Runs.of_points(points), theta, settings, status)
         return share
 
     def _of_runs(self, data: Measurements, theta: Array, first: int) -> Iterator[RunError]:

@@ -11,13 +11,12 @@ from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..models import Model
-from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.sense import sensible
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
 from .record_response import RecordResponse
-from .response import Response, measurements_response, runs_response
+from .response import Response, response_of_runs
 
 EPSILON = float(np.finfo(np.float64).eps)
 
@@ -71,12 +70,7 @@ class Observed:
         for part in data:
             if isinstance(part, Measurements):
                 settings = checked_arguments(model, part.points, theta, rtol, threads, "cross", "cross", None)
-                given = (self._columns, settings)
-                respond = (
-                    _runs_response(model, part.points, *given)
-                    if isinstance(part.points, Runs)
-                    else _points_response(model, part.points, *given)
-                )
+                respond = _runs_response(model, part.runs, self._columns, settings)
                 self._parts.append((respond, len(part.samples), slice(0)))
                 continue
             respond, starts = _record_response(model, part, self._columns, rtol, threads)
@@ -139,18 +133,6 @@ class Observed:
 _Respond = Callable[[Array, Array], Response]
 
 
-def _points_response(model: Model, points: Experiments, columns: list[int], settings: Integration) -> _Respond:
-    """The response of points; replicates are simulated once."""
-    first, replicate = points.distinct()
-    distinct = points[first]
-
-    def respond(theta: Array, _: Array) -> Response:
-        found = measurements_response(model, distinct, theta, columns, settings)
-        return Response(found.y[:, replicate], found.dy[:, replicate], found.status)
-
-    return respond
-
-
 def _runs_response(model: Model, runs: Runs, columns: list[int], settings: Integration) -> _Respond:
     """The response of runs; replicates are simulated once."""
     first, replicate = runs.distinct()
@@ -159,7 +141,7 @@ def _runs_response(model: Model, runs: Runs, columns: list[int], settings: Integ
     places = np.concatenate([number[k] for k in replicate])
 
     def respond(theta: Array, _: Array) -> Response:
-        found = runs_response(model, distinct, theta, columns, settings)
+        found = response_of_runs(model, distinct, theta, columns, settings)
         return Response(found.y[:, places], found.dy[:, places], found.status)
 
     return respond

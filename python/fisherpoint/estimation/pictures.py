@@ -187,9 +187,9 @@ def _series(fit: FitStatistics) -> Iterator[_Series]:
     for part in fit.data:
         if isinstance(part, Record):
             yield _Series(part.t, slice(first, first + len(part)), None)
-        elif isinstance(part.points, Runs):
-            ends = first + np.cumsum(part.points.measured.sum(axis=1))
-            for run, end in zip(part.points, ends.tolist(), strict=True):
+        elif part.points is part.runs:
+            ends = first + np.cumsum(part.runs.measured.sum(axis=1))
+            for run, end in zip(part.runs, ends.tolist(), strict=True):
                 t = run.t[run.measured]
                 yield _Series(t, slice(end - len(t), end), run)
         first += len(part.samples)

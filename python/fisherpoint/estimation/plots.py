@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ..data.record import Record
-from ..points.runs import Runs
 from ..show.shown import Plots
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ PICTURES = ("parity.png", "residuals.png", "time.png", "correlation.png", "ellip
 def plots_of(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Plots:
     """The pictures that have something to show, with the profile likelihoods that were computed."""
     names = ["parity", "residuals"]
-    if any(isinstance(part, Record) or isinstance(part.points, Runs) for part in fit.data):
+    if any(isinstance(part, Record) or part.points.kind == "run" for part in fit.data):
         names.append("time")
     if len(fit.parameters) > 1:
         names += ["correlation", "ellipses"]

@@ -13,7 +13,6 @@ from ..data.measurements import Measurements
 from ..information.assumed import Assumed
 from ..information.common_error import CommonError
 from ..information.run_tangents import moves_of_runs
-from ..points.runs import Runs
 from ..points.settings import Integration
 from ..points.status import Status
 
@@ -62,14 +61,12 @@ def run_errors(
     ValueError
         Where a trajectory is not ok.
     """
-    runs = data.points
-    if not isinstance(runs, Runs):
-        raise TypeError(f"points: expected Runs, given {type(runs).__name__}")
+    runs = data.runs
     moved, status = moves_of_runs(assumed, runs, theta, settings)
     if status.any():
         k = int(np.argmax(status != Status.ok))
         raise ValueError(f"runs: expected trajectories that are ok, given runs[{k}] ({Status(status[k]).name})")
-    moved = np.where(np.isfinite(data.y)[..., None], moved / std[:, None], 0.0)
+    moved = np.where(np.isfinite(data.run_outputs)[..., None], moved / std[:, None], 0.0)
     for of_run, there in zip(moved, runs.measured, strict=True):
         yield RunError(first, of_run[there])
         first += int(there.sum())

@@ -22,9 +22,9 @@ from ..basics.values import Array, FrozenMapping, IntArray
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, nodes_of
+from ..points.run_trajectories import checked_sensitivities
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status, only_finite
-from ..points.trajectories import checked_sensitivities
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
 

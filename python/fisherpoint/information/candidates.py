@@ -65,10 +65,7 @@ class CandidateSource:
         elsewhere: tuple[DesignProblem, ...] = (),
         validity: Validity | None = None,
     ) -> None:
-        if not isinstance(problem.region, ExperimentRegion):
-            given = "None" if problem.region is None else "a RunRegion, which is for design_runs"
-            raise ValueError(f"region: expected an ExperimentRegion to draw candidates from, given {given}")
-        self._problem, self._region, self._rng, self._threads = problem, problem.region, rng, threads
+        self._problem, self._region, self._rng, self._threads = problem, problem.point_region, rng, threads
         self._keep, self._elsewhere = keep, elsewhere
         self._validity = Validity(problem, threads) if validity is None else validity
         self._spare: PointInformation | None = None

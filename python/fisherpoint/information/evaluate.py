@@ -5,19 +5,18 @@ from __future__ import annotations
 import warnings
 
 from ..basics.checks import check_flag, check_type
-from ..points.experiments import Experiments
-from ..points.runs import Runs
+from ..points.runs import Points, Runs, as_runs
 from .evaluation import Evaluation, evaluate_information
 from .output_covariance import criterion, needs_covariances
-from .point_information import PointInformation, point_information
+from .point_information import PointInformation
 from .previous import Previous, previous_information
 from .problem import DesignProblem
-from .run_information import run_information
+from .run_information import information_of
 
 
 def evaluate_design(
     problem: DesignProblem,
-    points: Experiments | Runs,
+    points: Points,
     *,
     threads: int | None = None,
     previous: Previous | None = None,
@@ -50,14 +49,10 @@ def evaluate_design(
         information is to count under another D than R.
     """
     check_type(problem, DesignProblem, "problem")
-    _check_points(points)
-    kind = "noise" if isinstance(points, Runs) else str(problem.output_covariance)
+    runs, kind = _checked_runs(points), str(problem.output_covariance)
     if check_flag(prior_information, "prior_information") and kind != "noise":
         raise ValueError(f"prior_information: expected output_covariance 'noise', under which F is information, given {kind!r}")
-    if isinstance(points, Runs):
-        information = run_information(problem, points, threads)
-    else:
-        information = point_information(problem, points, needs_covariances(str(problem.output_covariance)), threads)
+    information = information_of(problem, runs, threads, needs_covariances(kind))
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
@@ -69,7 +64,7 @@ def evaluate_design(
 
 def evaluate_under_noise(
     problem: DesignProblem,
-    points: Experiments | Runs,
+    points: Points,
     *,
     threads: int | None = None,
     previous: Previous | None = None,
@@ -77,15 +72,15 @@ def evaluate_under_noise(
 ) -> Evaluation | None:
     """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
     check_type(problem, DesignProblem, "problem")
-    _check_points(points)
+    _checked_runs(points)
     if problem.noise_std is None:
         return None
     under_noise = problem.replace(output_covariance="noise")
     return evaluate_design(under_noise, points, threads=threads, previous=previous, prior_information=prior_information)
 
 
-def _check_points(points: object) -> None:
-    if not isinstance(points, Experiments | Runs):
-        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
-    if not len(points):
+def _checked_runs(points: Points) -> Runs:
+    runs = as_runs(points)
+    if not len(runs):
         raise ValueError("points: expected at least one point, given none")
+    return runs

@@ -17,9 +17,8 @@ from ..basics.extras import needed_for
 from ..basics.kept import Kept
 from ..basics.values import Array, FrozenMapping, IntArray
 from ..points.broken_limits import checked_broken_limits
-from ..points.experiments import Experiments
 from ..points.run_trajectories import checked_run_trajectories
-from ..points.runs import Runs
+from ..points.runs import Points, Runs, as_runs
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
 from ..show.numbers import counted, percent
@@ -168,7 +167,7 @@ def clopper_pearson(able: int, of: int) -> tuple[float, float]:
 
 
 def feasibility(
-    problem: DesignProblem, points: Experiments | Runs, *, draws: int = 1000, seed: int = 0, threads: int | None = None
+    problem: DesignProblem, points: Points, *, draws: int = 1000, seed: int = 0, threads: int | None = None
 ) -> Feasibility:
     """Count on which plants a whole design runs: every trajectory ends as ok and keeps the limits `problem.along`.
 
@@ -203,7 +202,7 @@ def feasibility(
 
 def feasibility_within(
     problem: DesignProblem,
-    points: Experiments | Runs,
+    points: Points,
     draws: int,
     seed: int,
     threads: int | None,
@@ -211,9 +210,8 @@ def feasibility_within(
 ) -> Feasibility:
     """Return what `feasibility` does, from fewer plants, but a few at least, where it is `late`."""
     check_type(problem, DesignProblem, "problem")
-    if not isinstance(points, Experiments | Runs):
-        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
-    if not len(points):
+    runs = as_runs(points)
+    if not len(runs):
         raise ValueError("points: expected at least one point, given none")
     count = check_positive_int(draws, "draws", most=MOST_DRAWS)
     checked_arguments(problem.model, points, problem.theta, problem.rtol, threads, problem.kinks, problem.jumps, None)
@@ -221,15 +219,15 @@ def feasibility_within(
     seed = check_positive_int(seed, "seed", 0)
     plants, left_out = drawn_plants(problem, count, np.random.default_rng([seed, 0]))
     of_starts = np.random.default_rng([seed, 1])
-    tally = _Tally(problem, points, settings)
-    each = max(1, min(MOST_SEGMENTS // (points.dt.size or 1), count if late is None else FEW))
+    tally = _Tally(problem, runs, settings)
+    each = max(1, min(MOST_SEGMENTS // runs.dt.size, count if late is None else FEW))
     for first in range(0, count, each):
         if first and late is not None and late():
             count = first
             break
         tally.add(plants[first : first + each], of_starts)
     return Feasibility(
-        kind="run" if isinstance(points, Runs) else "point",
+        kind=points.kind,
         draws=count,
         able=count - tally.unable,
         left_out=left_out,
@@ -243,8 +241,8 @@ def feasibility_within(
 class _Tally:
     """Counts reasons over plants that are added."""
 
-    def __init__(self, problem: DesignProblem, points: Experiments | Runs, settings: Integration) -> None:
-        self._points, self._settings = points, settings
+    def __init__(self, problem: DesignProblem, runs: Runs, settings: Integration) -> None:
+        self._runs, self._settings = runs, settings
         assumed = problem.assumed
         self._model = problem.limited if assumed is None else assumed.model
         self._named = problem.limited if len(problem.limited.domain) == len(self._model.domain) else self._model
@@ -255,14 +253,15 @@ class _Tally:
         self.failures: dict[str, IntArray] = {}
 
     def add(self, plants: Array, rng: np.random.Generator) -> None:
-        k = len(self._points)
+        k = len(self._runs)
         theta = np.repeat(plants, k, axis=0)
         theta[:, self._columns] += self._std * rng.standard_normal((len(theta), len(self._columns)))
-        many = self._points[np.tile(np.arange(k), len(plants))]
-        status = self._statuses(many, theta, self._settings)
+        many = self._runs[np.tile(np.arange(k), len(plants))]
+        status = checked_run_trajectories(self._model, many, theta, self._settings).status
         near = np.flatnonzero(status == Status.grazes_jump)
         if len(near):
-            status[near] = self._statuses(many[near], theta[near], self._settings.finer())
+            finer = self._settings.finer()
+            status[near] = checked_run_trajectories(self._model, many[near], theta[near], finer).status
         bad = np.flatnonzero(status != Status.ok)
         self.unable += len(np.unique(bad // k))
         met = set()
@@ -272,17 +271,11 @@ class _Tally:
             met.add((row // k, reason))
         self.reasons.update(reason for _, reason in met)
 
-    def _statuses(self, points: Experiments | Runs, theta: Array, settings: Integration) -> IntArray:
-        if isinstance(points, Runs):
-            return checked_run_trajectories(self._model, points, theta, settings).status
-        done = self._model.kernels.simulate(self._model.core, points.x0, points.u, points.dt, theta, *settings)
-        return np.asarray(done[2], dtype=np.int32)
-
-    def _limits(self, points: Experiments | Runs, theta: Array, status: IntArray, rows: NDArray[np.intp]) -> list[str | None]:
+    def _limits(self, runs: Runs, theta: Array, status: IntArray, rows: NDArray[np.intp]) -> list[str | None]:
         """Limits that ended some trajectories; None where it was none."""
         left = rows[status[rows] == Status.left_domain]
         of_rows: dict[int, str | None] = {}
         if len(left):
-            limits = checked_broken_limits(self._model, points[left], theta[left], self._settings, self._named)
+            limits = checked_broken_limits(self._model, runs[left], theta[left], self._settings, self._named)
             of_rows = dict(zip(left.tolist(), limits, strict=True))
         return [of_rows.get(row) for row in rows.tolist()]

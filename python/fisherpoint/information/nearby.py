@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..basics.values import Array, FrozenMapping, IntArray
-from ..points.runs import Runs
+from ..points.runs import as_runs
 from ..points.status import Status
 from ..show.numbers import computed
 from .null_space import column_scaled_svd, without_rounding
 from .output_covariance import Criterion
-from .point_information import PointInformation, sensitivities_at
+from .point_information import PointInformation
 from .problem import DesignProblem
-from .run_information import run_samples_at
+from .run_information import samples_at
 
 DISTANCE = 2.0
 """Distance, in promised standard errors, of the moved parameters; at one, edges are missed that one fit in ten meets."""
@@ -133,13 +133,11 @@ def nearby_of(
     at_mean = _white(d, factor, information)
     growth, worst = np.ones(len(names)), (0.0, 0, np.zeros(problem.n_unknowns), at_mean)
     status = np.zeros((len(information), 0), dtype=np.int32)
-    points, theta = information.points, _moved(problem, moves)
-    at_all = (
-        run_samples_at(problem, points, theta, threads, information.measured)
-        if isinstance(points, Runs)
-        else sensitivities_at(problem, points, theta, threads)
-    )
-    if isinstance(points, Runs) and information.assumed is not None:  # of points among them; rows of runs have it in them
+    runs, theta = as_runs(information.points), _moved(problem, moves)
+    # What is drawn anew is part of the D of points, which stays as it is at the mean; with runs it is part of the rows.
+    of_points = information.assumed is not None and runs.points is not None
+    at_all = samples_at(problem, runs, theta, threads, information.measured, plain=of_points)
+    if information.assumed is not None and not of_points:
         information = replace(information, assumed=np.zeros_like(information.assumed))
     for m, (sensitivity, found) in enumerate(at_all):
         there = _white(d, factor, replace(information, sensitivity=sensitivity))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
-from ..points.broken_limits import statuses_in_words
+from ..points.broken_limits import refuse_failures
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, linearized, nodes_of
-from ..points.runs import Runs
-from ..points.settings import Integration, checked_arguments, resolve_threads
-from ..points.status import NoTrajectory, Status, only_finite
-from ..points.trajectories import checked_sensitivities
+from ..points.run_trajectories import checked_sensitivities
+from ..points.runs import Points, Runs, joined
+from ..points.settings import checked_arguments
+from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule
 from .problem import DesignProblem
@@ -46,7 +46,7 @@ class PointInformation:
         The same points where the parameters are others than the prior mean: at the scenarios of a criterion over the prior.
     """
 
-    points: Experiments | Runs
+    points: Points
     sensitivity: Array
     covariance: Array
     assumed: Array | None = None
@@ -102,14 +102,6 @@ class PointInformation:
         return PointInformation(points, sensitivity, covariance, assumed, measured, elsewhere)
 
 
-def joined(parts: Sequence[Experiments | Runs]) -> Experiments | Runs:
-    """All parts, one after the other; where runs are among them, points are runs of one segment."""
-    points = [part for part in parts if isinstance(part, Experiments)]
-    if len(points) == len(parts):
-        return Experiments.join(points)
-    return Runs.join([Runs.of_points(part) if isinstance(part, Experiments) else part for part in parts])
-
-
 def point_sensitivities(problem: DesignProblem, points: Experiments, threads: int | None) -> tuple[PointInformation, IntArray]:
     """Standardised sensitivities at the prior mean, what is assumed, and statuses; the predictive covariances are left at zero.
 
@@ -129,30 +121,6 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
             share, over_nodes = assumed.predictive(points, problem.theta, problem.rule, settings)
             status = np.where(status != Status.ok, status, over_nodes)
     return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y)), share), status
-
-
-def sensitivities_at(
-    problem: DesignProblem, points: Experiments, theta: Array, threads: int | None
-) -> Iterator[tuple[Array, IntArray]]:
-    """For each of R sets of parameters (R, p) of the model: standardised sensitivities (K, n_y, n_unknowns) and statuses (K,).
-
-    Kinks and jumps are crossed, as in fits. Where the status is not ok the sensitivities are zero.
-    """
-    settings = Integration(float(problem.rtol), threads=resolve_threads(threads))
-    count, each = len(points), max(1, MOST_POINTS // len(points))
-    model = problem.limited
-    if problem.n_nuisance and problem.assumed is not None:
-        model, theta = problem.assumed.model, problem.assumed.theta(theta)
-    for first in range(0, len(theta), each):
-        rows = theta[first : first + each]
-        many = points[np.tile(np.arange(count), len(rows))]
-        result = checked_sensitivities(model, many, np.repeat(rows, count, axis=0), settings, outputs_alone=True)
-        scaled = problem.standardised(result.dy_dtheta)
-        status = only_finite(result.status, scaled)
-        scaled[status != Status.ok] = 0.0
-        for part in range(len(rows)):
-            some = slice(part * count, (part + 1) * count)
-            yield scaled[some], status[some]
 
 
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
@@ -206,14 +174,7 @@ def point_information(problem: DesignProblem, points: Experiments, grid: bool, t
         status = _without_derivatives(problem, points, status, threads)
     if grid and not status.any():
         information, status = with_covariance(problem, information, threads)
-    bad = np.flatnonzero(status)
-    if len(bad):
-        first, listed_rows = Status(status[bad[0]]), bad[:5].tolist()
-        words = statuses_in_words(problem.limited, points, problem.theta, problem.integration(threads), status, listed_rows)
-        listed = ", ".join(f"points[{k}] ({word})" for k, word in zip(listed_rows, words, strict=True))
-        raise NoTrajectory(
-            f"points: expected trajectories that are ok, given {listed}{' ...' if len(bad) > 5 else ''}. {first.advice}"
-        )
+    refuse_failures(problem.limited, Runs.of_points(points), problem.theta, problem.integration(threads), status)
     return information
 
 
@@ -226,7 +187,7 @@ def _without_derivatives(problem: DesignProblem, points: Experiments, status: In
     some = rows[ended == Status.ok]
     if len(some):
         listed = ", ".join(f"points[{k}]" for k in some[:5]) + (" ..." if len(some) > 5 else "")
-        warnings.warn(f"points: expected samples beside jumps, given {listed} in the instant of one: no information", stacklevel=4)
+        warnings.warn(f"points: expected samples beside jumps, given {listed} in the instant of one: no information", stacklevel=5)
     status = status.copy()
     status[rows] = ended
     return status

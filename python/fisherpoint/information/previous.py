@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import FrozenMapping
 from ..data.measured_outputs import runs_with_outputs
 from ..points.experiments import Experiments
 from ..points.rest_starts import start_points
-from ..points.runs import Runs
+from ..points.runs import Points, Runs, as_runs, points_of
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
 from .output_covariance import needs_covariances
@@ -26,10 +27,10 @@ class HasPoints(Protocol):
     """A design; measurements have outputs `y` (K, n_y), or (K, N, n_y), too, NaN where nothing was measured."""
 
     @property
-    def points(self) -> Experiments | Runs: ...
+    def points(self) -> Points: ...
 
 
-Previous: TypeAlias = Experiments | Runs | HasPoints | Sequence[Experiments | Runs | HasPoints]
+Previous: TypeAlias = Points | HasPoints | Sequence[Points | HasPoints]
 
 
 def previous_information(
@@ -64,62 +65,64 @@ def _parts(previous: Any) -> list[Any]:
         return []
     parts = list(previous) if isinstance(previous, list | tuple) else [previous]
     for part in parts:
-        if not isinstance(_points(part), Experiments | Runs):
+        if points_of(part) is None:
             given = type(part).__name__
             raise TypeError(f"previous: expected Measurements, Experiments, Runs, a Design or a sequence of these, given {given}")
     return parts
 
 
-def _points(part: Any) -> Any:
-    return part if isinstance(part, Experiments | Runs) else getattr(part, "points", None)
-
-
 def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[PointInformation, Counter[str]]:
     if problem.along is not None:
         problem = problem.replace(along=None)  # what was measured has been possible
-    model, points, y = problem.model, _points(part), getattr(part, "y", None)
-    given, expected = (points.x0.shape[1], points.u.shape[-1]), (len(model.states), len(model.inputs))
+    model, runs, y = problem.model, as_runs(cast(Points, points_of(part))), getattr(part, "y", None)
+    given, expected = (runs.x0.shape[1], runs.u.shape[2]), (len(model.states), len(model.inputs))
     if given != expected:
         raise ValueError(
             f"previous: expected points of {expected[0]} states and {expected[1]} inputs, given {given[0]} and {given[1]}"
         )
     if y is not None and y.shape[-1] != len(model.outputs):
         raise ValueError(f"previous: expected measurements of {len(model.outputs)} outputs, given {y.shape[-1]}")
-    if isinstance(points, Runs):
-        return _of_runs(problem, points, y, threads)
+    points, finite = runs.points, None
+    if y is not None:
+        y = y.reshape(*runs.dt.shape, -1)
+        if points is None:
+            runs, y = runs_with_outputs(runs, y)
+            points = runs.points
+        finite = np.isfinite(y)
     lost: Counter[str] = Counter()
-    keep = np.ones(len(points), dtype=bool)
-    for surface, rows in on_surface(model, points, problem.theta, problem.crossed).items():
+    keep = np.ones(len(runs), dtype=bool)
+    first = start_points(model, runs, problem.theta)
+    for surface, rows in on_surface(model, first, problem.theta, problem.crossed).items():
         lost[f"starts on {surface} = 0"] += int(keep[rows].sum())
         keep[rows] = False
-    kept = np.flatnonzero(keep)
-    information, status = point_sensitivities(problem, points[kept], threads)
+    finite = None if finite is None else finite[keep]
+    of_part = (
+        _of_runs(problem, runs[keep], finite, threads) if points is None else _of_points(problem, points[keep], finite, threads)
+    )
+    return of_part[0], lost + of_part[1]
+
+
+def _of_points(
+    problem: DesignProblem, points: Experiments, finite: NDArray[np.bool_] | None, threads: int | None
+) -> tuple[PointInformation, Counter[str]]:
+    """Information of points, and how many have none."""
+    information, status = point_sensitivities(problem, points, threads)
     if needs_covariances(str(problem.output_covariance)):
         information, over_nodes = with_covariance(problem, information, threads)
         status = np.where(status != Status.ok, status, over_nodes)
-    lost.update(failures_of(status))
-    measured = None
-    if y is not None:
-        there = np.isfinite(y[kept])
-        measured = None if there.all() else there
-    return replace(information, measured=measured)[status == Status.ok], lost
+    measured = None if finite is None or finite.all() else finite[:, 0]
+    return replace(information, measured=measured)[status == Status.ok], Counter(failures_of(status))
 
 
-def _of_runs(problem: DesignProblem, runs: Runs, y: Array | None, threads: int | None) -> tuple[PointInformation, Counter[str]]:
+def _of_runs(
+    problem: DesignProblem, runs: Runs, finite: NDArray[np.bool_] | None, threads: int | None
+) -> tuple[PointInformation, Counter[str]]:
     """Information of runs; one that does not reach its end, or its last number, has none as a whole."""
-    finite = None
-    if y is not None:
-        runs, y = runs_with_outputs(runs, y)
-        finite = np.isfinite(y)
-    first = start_points(problem.model, runs, problem.theta)
-    starts = on_surface(problem.model, first, problem.theta, problem.crossed)
-    lost = Counter({f"starts on {surface} = 0": len(rows) for surface, rows in starts.items()})
-    kept = np.setdiff1d(np.arange(len(runs)), np.concatenate([[], *starts.values()]).astype(int))
     checked_problem(problem)
-    rows = run_rows(problem, runs[kept], problem.theta, problem.integration(threads), None if finite is None else finite[kept])
-    lost.update(failures_of(rows.status))
-    kept, sensitivity = kept[rows.status == Status.ok], rows.sensitivity[rows.status == Status.ok]
+    rows = run_rows(problem, runs, problem.theta, problem.integration(threads), finite)
+    kept = rows.status == Status.ok
     there = runs.measured[kept]
-    samples = sensitivity[there]
+    samples = rows.sensitivity[kept][there]
     none = np.zeros((len(samples), samples.shape[1], samples.shape[1]))
-    return PointInformation(runs[kept], samples, none, measured=None if finite is None else finite[kept][there]), lost
+    measured = None if finite is None else finite[kept][there]
+    return PointInformation(runs[kept], samples, none, measured=measured), Counter(failures_of(rows.status))

@@ -141,17 +141,32 @@ class DesignProblem(InNotebooks):
         limits = () if self.along is None else (self.along,) if isinstance(self.along, str) else self.along
         set_field(self, "along", as_sequence(limits, "along", "comparisons as text") or None)
         self._check_assumed(everything)
-        default = "noise" if self.noise_std is not None or isinstance(self.region, RunRegion) else "region"
+        of = None if self.region is None else self.region.kind
+        default = "noise" if self.noise_std is not None or of == "run" else "region"
         given_kind = default if self.output_covariance is None else self.output_covariance
         set_field(self, "output_covariance", check_choice(given_kind, OUTPUT_COVARIANCES, "output_covariance"))
         if self.output_covariance == "noise" and self.noise_std is None:
             raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
-        if self.output_covariance == "region" and not isinstance(self.region, ExperimentRegion):
-            given_region = "None" if self.region is None else "one of runs"
+        if self.output_covariance == "region" and of != "point":
+            given_region = "None" if of is None else "one of runs"
             raise ValueError(f"region: expected a region of points for output_covariance='region', given {given_region}")
 
     def _in_notebook(self) -> Report:
         return Report(f"Design problem for {self.model.name}", problem_sections(self))
+
+    @property
+    def point_region(self) -> ExperimentRegion:
+        """The region, which must be one of points."""
+        if not isinstance(self.region, ExperimentRegion):
+            raise ValueError(f"region: expected an ExperimentRegion for points, given {_kind(self.region)}")
+        return self.region
+
+    @property
+    def run_region(self) -> RunRegion:
+        """The region, which must be one of runs."""
+        if not isinstance(self.region, RunRegion):
+            raise ValueError(f"region: expected a RunRegion for runs, given {_kind(self.region)}")
+        return self.region
 
     @property
     def crossed(self) -> tuple[str, ...]:
@@ -222,7 +237,7 @@ class DesignProblem(InNotebooks):
     @property
     def shared_starts(self) -> tuple[str, ...]:
         """States whose start deviates once for all runs, as the region has it `shared`."""
-        shared = self.region.shared if isinstance(self.region, RunRegion) else ()
+        shared = () if self.region is None else self.region.shared
         return tuple(name for name in self.initial_state_std or () if name in shared)
 
     @property
@@ -291,3 +306,7 @@ def _read_only(array: Array) -> Array:
     array = array.copy()
     array.flags.writeable = False
     return array
+
+
+def _kind(region: object) -> str:
+    return "None" if region is None else f"a {type(region).__name__}"

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
-from ..points.broken_limits import statuses_in_words
+from ..points.broken_limits import refuse_failures
+from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Integration, checked_arguments, resolve_threads
-from ..points.status import NoTrajectory, Status
-from .point_information import PointInformation
+from ..points.status import Status, only_finite
+from .point_information import PointInformation, point_information
 from .problem import DesignProblem
 from .run_tangents import RunRows, run_tangents
 
@@ -39,52 +40,74 @@ def run_rows(
     return run_tangents(problem, runs, theta, settings, outputs_alone=True).rows(problem, informative)
 
 
-def run_information(problem: DesignProblem, runs: Runs, threads: int | None) -> PointInformation:
+def information_of(problem: DesignProblem, runs: Runs, threads: int | None, over_prior: bool = False) -> PointInformation:
     """Information of given runs, a sample after the other; every run must reach its end.
+
+    What is drawn anew is a share of the covariances of points, and part of the rows of runs of several segments. With `over_prior`
+    points have predictive covariances too.
 
     Raises
     ------
     ValueError
-        Where a trajectory is not ok, or has no derivative at a sample; the message names the runs and reasons. And where the
-        problem weighs outputs by more than the sensor noise.
+        Where a trajectory is not ok, at the prior mean or, with `over_prior`, over the prior; the message names the runs and
+        reasons. And where the problem weighs runs of several segments by more than the sensor noise.
     """
+    if runs.points is not None:
+        return point_information(problem, runs.points, over_prior, threads)
     checked_problem(problem)
     checked_arguments(problem.model, runs, problem.theta, problem.rtol, threads, problem.kinks, problem.jumps, None)
     settings = problem.integration(threads)
     rows = run_rows(problem, runs, problem.theta, settings)
-    bad = np.flatnonzero(rows.status)
-    if len(bad):
-        listed_rows = bad[:5].tolist()
-        words = statuses_in_words(problem.limited, runs, problem.theta, settings, rows.status, listed_rows)
-        listed = ", ".join(f"runs[{k}] ({word})" for k, word in zip(listed_rows, words, strict=True))
-        more = " ..." if len(bad) > 5 else ""
-        raise NoTrajectory(f"runs: expected trajectories that are ok, given {listed}{more}. {Status(rows.status[bad[0]]).advice}")
+    refuse_failures(problem.limited, runs, problem.theta, settings, rows.status)
     sensitivity, _ = rows.samples(runs)
     n_y = sensitivity.shape[1]
     return PointInformation(runs, sensitivity, np.zeros((len(sensitivity), n_y, n_y)))
 
 
-def run_samples_at(
-    problem: DesignProblem, runs: Runs, theta: Array, threads: int | None, measured: NDArray[np.bool_] | None = None
+def samples_at(
+    problem: DesignProblem,
+    runs: Runs,
+    theta: Array,
+    threads: int | None,
+    measured: NDArray[np.bool_] | None = None,
+    plain: bool = False,
 ) -> Iterator[tuple[Array, IntArray]]:
     """For each of R sets of parameters (R, p) of the model: rows (S, n_y, p) and statuses (S,) of the samples.
 
     Kinks and jumps are crossed, as in fits. Outputs of samples that are not `measured` (S, n_y) have no weight; the default is all.
+    Rows that are `plain` have nothing in them of what is drawn anew.
     """
     informative = None
     if measured is not None:
         informative = np.zeros((*runs.dt.shape, measured.shape[1]), dtype=bool)
         informative[runs.measured] = measured
     settings = Integration(float(problem.rtol), threads=resolve_threads(threads))
+    rows_of = _plain_rows if plain else run_rows
     count, each = len(runs), max(1, MOST_SEGMENTS // runs.dt.size)
     for first in range(0, len(theta), each):
         some = theta[first : first + each]
         many = runs[np.tile(np.arange(count), len(some))]
         of_many = None if informative is None else np.tile(informative, (len(some), 1, 1))
-        rows = run_rows(problem, many, np.repeat(some, count, axis=0), settings, of_many)
+        rows = rows_of(problem, many, np.repeat(some, count, axis=0), settings, of_many)
         for part in range(len(some)):
             own = slice(part * count, (part + 1) * count)
             yield RunRows(rows.sensitivity[own], rows.status[own]).samples(runs)
+
+
+def _plain_rows(
+    problem: DesignProblem, runs: Runs, theta: Array, settings: Integration, informative: NDArray[np.bool_] | None
+) -> RunRows:
+    """The standardised sensitivities of runs, whatever is drawn anew in each."""
+    model = problem.limited
+    if problem.n_nuisance and problem.assumed is not None:
+        model, theta = problem.assumed.model, problem.assumed.theta(theta)
+    result = checked_run_sensitivities(model, runs, theta, settings, outputs_alone=True)
+    scaled = problem.standardised(result.dy_dtheta)
+    if informative is not None:
+        scaled = np.where(informative[..., None], scaled, 0.0)
+    status = only_finite(result.status, scaled)
+    scaled[status != Status.ok] = 0.0
+    return RunRows(scaled, status)
 
 
 def information_matrices(problem: DesignProblem, sensitivity: Array) -> Array:

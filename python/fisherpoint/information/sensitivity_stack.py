@@ -17,8 +17,8 @@ from ..models import Model
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import crossed_surfaces, on_surface
+from ..points.simulate import sensitivities
 from ..points.status import Status, failures_of, only_finite
-from ..points.trajectories import sensitivities
 from ..prior.gaussian import GaussianPrior
 
 TIGHT, LOOSE = 1e-10, 1e-8

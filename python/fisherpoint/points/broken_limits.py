@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..basics.checks import check_type
 from ..basics.values import Array, IntArray
 from ..models import Model
-from .experiments import Experiments
 from .run_trajectories import checked_run_trajectories
-from .runs import Runs
+from .runs import Points, Runs, as_runs
 from .settings import Integration, checked_arguments
-from .status import Status
+from .status import NoTrajectory, Status
 
 HALVINGS = 30
 """Number of halvings of the duration, to find the last time at which the trajectory is still inside."""
@@ -22,7 +21,7 @@ HALVINGS = 30
 
 def broken_limits(
     model: Model,
-    points: Experiments | Runs,
+    points: Points,
     theta: Mapping[str, float] | ArrayLike,
     *,
     rtol: float = 1e-6,
@@ -46,40 +45,32 @@ def broken_limits(
     """
     check_type(model, Model, "model")
     values = model.theta(theta)
-    return checked_broken_limits(
-        model, points, values, checked_arguments(model, points, values, rtol, threads, kinks, jumps, method)
-    )
+    settings = checked_arguments(model, points, values, rtol, threads, kinks, jumps, method)
+    return checked_broken_limits(model, as_runs(points), values, settings)
 
 
 def checked_broken_limits(
-    model: Model, points: Experiments | Runs, theta: Array, settings: Integration, named: Model | None = None
+    model: Model, runs: Runs, theta: Array, settings: Integration, named: Model | None = None
 ) -> tuple[str | None, ...]:
     """Return what `broken_limits` does, for checked arguments; `named` has the same limits and names them."""
-    if isinstance(points, Runs):
-        done = checked_run_trajectories(model, points, theta, settings)
-        rows = np.flatnonzero(done.status == Status.left_domain)
-        n = np.minimum(done.reached[rows], points.dt.shape[1] - 1)
-        given, first, status = (done.x[rows, n], points.u[rows, n], points.dt[rows, n]), n == 0, done.status
-        since = np.cumsum(points.dt, axis=1)[rows, n] - points.dt[rows, n]
-    else:
-        status = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *settings)[2]
-        rows = np.flatnonzero(status == Status.left_domain)
-        given, first = (points.x0[rows], points.u[rows], points.dt[rows]), np.ones(len(rows), dtype=bool)
-        since = np.zeros(len(rows))
+    done = checked_run_trajectories(model, runs, theta, settings)
+    status, rows = done.status, np.flatnonzero(done.status == Status.left_domain)
+    n = np.minimum(done.reached[rows], runs.dt.shape[1] - 1)
+    given, since = (done.x[rows, n], runs.u[rows, n], runs.dt[rows, n]), runs.t[rows, n] - runs.dt[rows, n]
     limits: list[str | None] = [None] * len(status)
     if len(rows):
         of_rows = np.array(np.broadcast_to(theta, (len(status), theta.shape[-1]))[rows])
         places, outside = _first_limits(model, *given, since, of_rows, settings)
-        for row, place, at_start in zip(rows.tolist(), places.tolist(), (outside & first).tolist(), strict=True):
+        for row, place, at_start in zip(rows.tolist(), places.tolist(), (outside & (n == 0)).tolist(), strict=True):
             limits[row] = (named or model).limit_text(place) + " at the start" * at_start
     return tuple(limits)
 
 
 def statuses_in_words(
-    model: Model, points: Experiments | Runs, theta: Array, settings: Integration, status: IntArray, rows: Sequence[int]
+    model: Model, runs: Runs, theta: Array, settings: Integration, status: IntArray, rows: Sequence[int]
 ) -> list[str]:
-    """Names of the statuses of some points or runs, with the limit that ended them."""
-    given = points[np.array(rows, dtype=np.intp)]
+    """Names of the statuses of some runs, with the limit that ended them."""
+    given = runs[np.array(rows, dtype=np.intp)]
     of_rows = theta[list(rows)] if theta.ndim == 2 else theta
     limits = (
         checked_broken_limits(model, given, of_rows, settings)
@@ -90,6 +81,17 @@ def statuses_in_words(
         Status(status[k]).name + (f": {limit}" if limit and status[k] == Status.left_domain else "")
         for k, limit in zip(rows, limits, strict=True)
     ]
+
+
+def refuse_failures(model: Model, runs: Runs, theta: Array, settings: Integration, status: IntArray) -> None:
+    """Raise NoTrajectory where a status is not ok, with the first of these points or runs, and what ended them."""
+    bad = np.flatnonzero(status != Status.ok)
+    if not len(bad):
+        return
+    rows, name = bad[:5].tolist(), "runs" if runs.points is None else "points"
+    words = statuses_in_words(model, runs, theta, settings, status, rows)
+    given = ", ".join(f"{name}[{k}] ({word})" for k, word in zip(rows, words, strict=True)) + " ..." * (len(bad) > 5)
+    raise NoTrajectory(f"{name}: expected trajectories that are ok, given {given}. {Status(status[bad[0]]).advice}")
 
 
 def _first_limits(

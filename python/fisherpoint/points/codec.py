@@ -13,11 +13,15 @@ from .experiments import Experiments
 from .region import ExperimentRegion
 from .rest import Rest
 from .run_region import RunRegion
-from .runs import Runs
+from .runs import Points, Runs
 
 
-def points_to_json(points: Experiments) -> dict[str, Any]:
+def points_to_json(points: Points) -> dict[str, Any]:
     columns = list(points.columns or ())
+    if isinstance(points, Runs):
+        arrays = {name: getattr(points, name).tolist() for name in ("x0", "u", "dt", "measured")}
+        rests = None if points.rests is None else [_rest_to_json(rest) for rest in points.rests]
+        return {"columns": columns, "n_u": points.u.shape[2], **arrays, "rest": rests}
     return {"columns": columns, "x0": points.x0.tolist(), "u": points.u.tolist(), "dt": points.dt.tolist()}
 
 
@@ -25,12 +29,6 @@ def points_from_json(data: dict[str, Any]) -> Experiments:
     count = len(data["dt"])  # of models without state or input the rows are empty
     x0, u = (np.array(data[name], dtype=np.float64).reshape(count, -1 if count and data[name][0] else 0) for name in ("x0", "u"))
     return Experiments(x0, u, data["dt"], columns=tuple(data["columns"] or ()) or None)
-
-
-def runs_to_json(runs: Runs) -> dict[str, Any]:
-    arrays = {name: getattr(runs, name).tolist() for name in ("x0", "u", "dt", "measured")}
-    rests = None if runs.rests is None else [_rest_to_json(rest) for rest in runs.rests]
-    return {"columns": list(runs.columns or ()), "n_u": runs.u.shape[2], **arrays, "rest": rests}
 
 
 def _rest_to_json(rest: Rest | None) -> dict[str, Any] | None:
@@ -49,7 +47,12 @@ def runs_from_json(data: dict[str, Any]) -> Runs:
     u = np.array(data["u"], dtype=np.float64).reshape(*dt.shape, data["n_u"])
     rest = None if data["rest"] is None else [_rest_from_json(one) for one in data["rest"]]
     measured = np.array(data["measured"], dtype=bool)
-    return Runs(data["x0"], u, dt, measured, rest=rest, columns=tuple(data["columns"]) or None)
+    x0 = np.array(data["x0"], dtype=np.float64).reshape(len(dt), -1 if len(dt) and data["x0"][0] else 0)
+    return Runs(x0, u, dt, measured, rest=rest, columns=tuple(data["columns"]) or None)
+
+
+def points_or_runs_from_json(data: dict[str, Any]) -> Points:
+    return runs_from_json(data) if "measured" in data else points_from_json(data)
 
 
 def region_to_json(region: ExperimentRegion | RunRegion | None) -> dict[str, Any] | None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +42,9 @@ class Experiments(InNotebooks):
     ValueError
         For wrong shapes, numbers that are not finite, or a duration that is not positive.
     """
+
+    kind: ClassVar[str] = "point"
+    """Word for one of them."""
 
     def __init__(self, x0: ArrayLike, u: ArrayLike, dt: ArrayLike | None = None, *, columns: tuple[str, ...] | None = None) -> None:
         self.x0, self.u = as_floats(x0, "x0"), as_floats(u, "u")
@@ -111,16 +114,6 @@ class Experiments(InNotebooks):
     def table(self) -> Array:
         """All numbers, one row per point: x0, u, dt; shape (K, n_x + n_u + 1)."""
         return np.column_stack([self.x0, self.u, self.dt])
-
-    def key(self, point: int, segments: int | None = None) -> Hashable:
-        """Key of what is done to the plant at a point, as of a run of one segment: equal keys, equal trajectories."""
-        held = (np.ravel(part) + 0.0 for part in (self.x0[point], self.u[point], self.dt[point]))
-        return 1, *(part.tobytes() for part in held), None
-
-    def distinct(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Replicates: the first of the points that are the same (D,), and for each point the place of its kind among these (K,)."""
-        _, first, of = np.unique(self.table + 0.0, axis=0, return_index=True, return_inverse=True)  # -0.0 is 0.0
-        return first, np.asarray(of.reshape(-1), dtype=np.intp)
 
     def starting(self, x0: Array) -> Experiments:
         """Return these points with other starts (K, n_x)."""

@@ -11,43 +11,37 @@ from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
-from .experiments import Experiments
 from .region import ExperimentRegion
 from .run_region import RunRegion
-from .runs import Runs
+from .runs import Points, as_runs
 
 ROUNDING = 1e-9
 """Share of a bound, or of the width, by which a number from a file may be beyond it."""
 
 
-def outside(model: Model, region: ExperimentRegion | RunRegion | None, points: Experiments | Runs) -> Iterator[str]:
+def outside(model: Model, region: ExperimentRegion | RunRegion | None, points: Points) -> Iterator[str]:
     """Each point that is beyond a bound or against a constraint, with the quantity; of runs each start and each segment."""
     if region is None:
         return
-    if isinstance(points, Runs):
-        yield from _runs(model, region, points)
-        return
-    columns = dict(zip(names_of(model.axes), points.table.T, strict=False))
-    found = list(_beyond(model, region, columns))
-    for constraint in region.constraints if isinstance(region, ExperimentRegion) else ():
-        holds = ExperimentRegion(region.bounds, [constraint]).satisfied(model, points)
-        found += [(k, f"against the constraint {shown(constraint)}") for k in np.flatnonzero(~holds).tolist()]
-    yield from (f"point {k + 1}: {what}" for k, what in sorted(found, key=itemgetter(0)))
+    runs = as_runs(points)
+    k, n = np.nonzero(runs.dt)
+    # Where runs start at rest, bounds of states say where to search for it.
+    starts = {} if runs.rests is not None else dict(zip(names_of(model.states), runs.x0.T, strict=True))
+    held = dict(zip(names_of(model.inputs), runs.u[k, n].T, strict=True)) | {"dt": runs.dt[k, n]}
+    found = [(row, 0, what) for row, what in _beyond(model, region, starts)]
+    found += [(int(k[i]), int(n[i]) + 1, what) for i, what in _beyond(model, region, held)]
+    if isinstance(region, ExperimentRegion) and runs.points is not None:
+        for constraint in region.constraints:
+            holds = ExperimentRegion(region.bounds, [constraint]).satisfied(model, runs.points)
+            found += [(row, 1, f"against the constraint {shown(constraint)}") for row in np.flatnonzero(~holds).tolist()]
+    for row, segment, what in sorted(found, key=itemgetter(0, 1)):
+        yield f"{points.kind} {row + 1}{f', segment {segment}' if segment and runs is points else ''}: {what}"
 
 
 def few(places: list[str], most: int = 3) -> str:
     """The first of many places, and how many more there are."""
     more = f"; and {len(places) - most} more" if len(places) > most else ""
     return "; ".join(places[:most]) + more
-
-
-def _runs(model: Model, region: ExperimentRegion | RunRegion, runs: Runs) -> Iterator[str]:
-    if runs.rests is None:  # where runs start at rest, bounds of states say where to search for it
-        starts = dict(zip(names_of(model.states), runs.x0.T, strict=True))
-        yield from (f"run {k + 1}: {what}" for k, what in _beyond(model, region, starts))
-    k, n = np.nonzero(runs.dt)
-    held = dict(zip(names_of(model.inputs), runs.u[k, n].T, strict=True)) | {"dt": runs.dt[k, n]}
-    yield from (f"run {k[i] + 1}, segment {n[i] + 1}: {what}" for i, what in _beyond(model, region, held))
 
 
 def _beyond(model: Model, region: ExperimentRegion | RunRegion, columns: dict[str, Array]) -> Iterator[tuple[int, str]]:

@@ -17,10 +17,10 @@ from ..prior.rules import Linearized, Rule
 from ..show.numbers import counted
 from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
+from .run_trajectories import checked_sensitivities
 from .settings import Integration, checked_arguments
-from .shown_trajectories import counted_statuses
 from .status import Status, named, only_finite
-from .trajectories import checked_sensitivities
+from .trajectories import counted_statuses
 
 
 class _CovarianceAndStatus(NamedTuple):

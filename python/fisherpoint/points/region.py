@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,12 @@ class ExperimentRegion:
     ValueError
         Where bounds are not finite or upside down, or a duration may be zero or less.
     """
+
+    kind: ClassVar[str] = "point"
+    """Word for one of what it is a region of."""
+
+    shared: ClassVar[tuple[str, ...]] = ()
+    """Names of what all points have alike, as `RunRegion` has it: none."""
 
     def __init__(self, bounds: Mapping[str, Sequence[Any]], constraints: Iterable[Constraint] = ()) -> None:
         given = check_mapping(bounds, "region", "(lower, upper)")

@@ -166,7 +166,7 @@ def runs_of_table(
     rows = np.arange(len(run))
     within = rows - np.maximum.accumulate(np.where(first, rows, 0))
     table.refuse(segment != within + 1, SEGMENT.name, "the segments of a run in order, from 1 on")
-    starts = []
+    starts = [np.empty((int(first.sum()), 0))]
     for quantity in model.states:
         values = table.numbers(quantity.name, quantity.unit)
         table.refuse(np.isnan(values) & first, quantity.name, "the start in the first row of a run")

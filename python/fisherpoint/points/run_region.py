@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,6 +66,9 @@ class RunRegion:
         For bounds that are not finite or upside down, a duration that may be zero, levels outside the bounds, no segment, no
         sample, and unknown names.
     """
+
+    kind: ClassVar[str] = "run"
+    """Word for one of what it is a region of."""
 
     def __init__(
         self,

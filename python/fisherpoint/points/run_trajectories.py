@@ -1,9 +1,12 @@
-"""Trajectories and sensitivities of runs, computed by the core."""
+"""Trajectories and sensitivities, computed by the core, of arguments that are known to be good.
+
+A point is a run of one segment. The search for points calls the core for points by itself, thousands of times.
+"""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,70 +14,37 @@ from numpy.typing import NDArray
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
-from ..show.text import to_html
+from .experiments import Experiments
 from .rest_starts import RunStarts, starts_of
 from .runs import Runs
 from .settings import Integration
-from .shown_trajectories import of_runs, summary
-from .status import Status, named, only_finite
+from .status import Status, only_finite
+from .trajectories import Sensitivities, Trajectories
+
+_Result = TypeVar("_Result", Trajectories, Sensitivities)
 
 
-class RunTrajectories(NamedTuple):
-    """States x (K, N + 1, n_x) at the start and the segments' ends, outputs y (K, N, n_y) at the ends, and status (K,).
-
-    y[k, n] is that of the input of segment n, which has been held up to its end. `reached` (K,) counts the segments that were
-    completed. Behind them x is the last state that was reached, and y zero.
-    """
-
-    x: Array
-    y: Array
-    status: IntArray
-    reached: IntArray
-
-    @property
-    def statuses(self) -> tuple[Status, ...]:
-        """The statuses by their names, such as Status.met_jump."""
-        return named(self.status)
-
-    def __repr__(self) -> str:
-        return summary("RunTrajectories", self.x, self.y, self.status, "run")
-
-    def _repr_html_(self) -> str:
-        return to_html(of_runs(repr(self), self.x, self.y, self.status, self.reached))
+def checked_sensitivities(
+    model: Model, points: Experiments, theta: Array, settings: Integration, outputs_alone: bool = False
+) -> Sensitivities:
+    """Sensitivities of points; with `outputs_alone` sooner and without dx_dtheta."""
+    given = (points.x0, points.u, points.dt, theta, *settings)
+    x, y, dx, dy, status = model.kernels.sensitivities(model.core, *given, outputs_alone=outputs_alone)
+    return Sensitivities(x, y, dx, dy, status, _completed(status))
 
 
-class RunSensitivities(NamedTuple):
-    """As `RunTrajectories`, with dx_dtheta (K, N, n_x, p) and dy_dtheta (K, N, n_y, p) at the ends, per SI unit of each parameter.
-
-    Where the status is not ok they are zero from the segment on that was not completed. dy_dtheta is zero at a sample in the very
-    instant of a jump that its outputs feel: there is no derivative.
-    """
-
-    x: Array
-    y: Array
-    dx_dtheta: Array
-    dy_dtheta: Array
-    status: IntArray
-    reached: IntArray
-
-    @property
-    def statuses(self) -> tuple[Status, ...]:
-        """The statuses by their names, such as Status.met_jump."""
-        return named(self.status)
-
-    def __repr__(self) -> str:
-        return summary("RunSensitivities", self.x, self.y, self.status, "run", self.dy_dtheta.shape[-1])
-
-    def _repr_html_(self) -> str:
-        return to_html(of_runs(repr(self), self.x, self.y, self.status, self.reached))
+def _completed(status: IntArray) -> IntArray:
+    return np.asarray(status == Status.ok, dtype=np.int32)
 
 
-def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Integration) -> RunTrajectories:
-    """Simulate runs, of arguments that are known to be good."""
+def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Integration) -> Trajectories:
+    """Trajectories of runs."""
     points, (count, segments) = runs.points, runs.dt.shape
     if points is not None:
         end, y, status, _ = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *settings)
-        return RunTrajectories(np.stack([points.x0, end], axis=1), y[:, None], status, (status == Status.ok).astype(np.int64))
+        return Trajectories(np.stack([points.x0, end], axis=1), y[:, None], status, _completed(status))
+    if not model.states:
+        return _of_segments(runs, checked_run_trajectories(model, *_separate(runs, theta), settings))
     start = starts_of(model, runs, theta, tangents=False)
     rows, values = _resting(start.status, theta)
     given = start.x0[rows], runs.u[rows], runs.dt[rows], values
@@ -84,19 +54,20 @@ def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: I
     of_ends = theta[k] if theta.ndim == 2 else np.broadcast_to(theta, (len(k), len(theta)))
     ends = model.at(x[k, n + 1], np.cumsum(runs.dt, axis=1)[k, n])
     y[k, n] = np.asarray(model.core.output(ends, runs.u[k, n], np.ascontiguousarray(of_ends))).reshape(len(k), y.shape[2])
-    return RunTrajectories(x, y, only_finite(status, x, y), reached)
+    return Trajectories(x, y, only_finite(status, x, y), reached)
 
 
 def checked_run_sensitivities(
     model: Model, runs: Runs, theta: Array, settings: Integration, outputs_alone: bool = False
-) -> RunSensitivities:
-    """Trajectories with sensitivities; with `outputs_alone` without dx_dtheta, which may take less time."""
+) -> Sensitivities:
+    """Trajectories of runs with sensitivities; with `outputs_alone` without dx_dtheta, which may take less time."""
     points = runs.points
     if points is not None:
-        given = (points.x0, points.u, points.dt, theta, *settings)
-        end, y, dx, dy, status = model.kernels.sensitivities(model.core, *given, outputs_alone=outputs_alone)
-        x = np.stack([points.x0, end], axis=1)
-        return RunSensitivities(x, y[:, None], dx[:, None], dy[:, None], status, (status == Status.ok).astype(np.int64))
+        done = checked_sensitivities(model, points, theta, settings, outputs_alone)
+        x = np.stack([points.x0, done.x], axis=1)
+        return done._replace(x=x, y=done.y[:, None], dx_dtheta=done.dx_dtheta[:, None], dy_dtheta=done.dy_dtheta[:, None])
+    if not model.states:
+        return _of_segments(runs, checked_run_sensitivities(model, *_separate(runs, theta), settings))
     start = starts_of(model, runs, theta)
     rows, values = _resting(start.status, theta)
     s = start.s[rows] if start.s.size else start.s
@@ -104,7 +75,30 @@ def checked_run_sensitivities(
     x, y, dx, dy, status, reached = compute(model, runs[rows], start.x0[rows], s, values, settings, outputs_alone)
     x, status, reached, y, dy = _whole(start, rows, runs.dt.shape[1], x, status, reached, y, dy)
     dx = dx if outputs_alone else _spread(dx, rows, len(runs))
-    return RunSensitivities(x, y, dx, dy, status, reached)
+    return Sensitivities(x, y, dx, dy, status, reached)
+
+
+def _separate(runs: Runs, theta: Array) -> tuple[Runs, Array]:
+    """The segments of runs of a model without states, each as a run of its own, and their parameters."""
+    dt = np.where(runs.dt > 0, runs.dt, 1.0).reshape(-1, 1)
+    apart = Runs(np.empty((len(dt), 0)), runs.u.reshape(len(dt), 1, -1), dt)
+    return apart, np.repeat(theta, runs.dt.shape[1], axis=0) if theta.ndim == 2 else theta
+
+
+def _of_segments(runs: Runs, apart: _Result) -> _Result:
+    """Results of runs of a model without states, of those of its segments; zero from the first one on that is not ok."""
+    shape = runs.dt.shape
+    status = np.where(runs.dt > 0, apart.status.reshape(shape), Status.ok)
+    good = np.logical_and.accumulate((status == Status.ok) & (runs.dt > 0), axis=1)
+    results = {name: getattr(apart, name) for name in apart._fields if name not in ("x", "status", "reached")}
+    for name, values in results.items():
+        whole = values.reshape(*shape, *values.shape[2:])
+        whole[~good] = 0.0
+        results[name] = whole
+    first = status[np.arange(len(status)), np.argmax(status != Status.ok, axis=1)]
+    return apart._replace(
+        **results, x=np.empty((shape[0], shape[1] + 1, 0)), status=first.astype(np.int32), reached=good.sum(axis=1)
+    )
 
 
 def _by_kernel(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +49,9 @@ class Runs(InNotebooks):
         a segment or a sample.
     """
 
+    kind: ClassVar[str] = "run"
+    """Word for one of them."""
+
     def __init__(
         self,
         x0: ArrayLike,
@@ -60,8 +63,8 @@ class Runs(InNotebooks):
         columns: tuple[str, ...] | None = None,
     ) -> None:
         self.x0, self.u = as_floats(x0, "x0"), as_floats(u, "u")
-        if self.x0.ndim != 2 or not self.x0.shape[1]:
-            raise ValueError(f"x0: expected shape (K, n_x), of a model with states, given {self.x0.shape}")
+        if self.x0.ndim != 2:
+            raise ValueError(f"x0: expected shape (K, n_x), given {self.x0.shape}")
         count = len(self.x0)
         if self.u.ndim == 2:
             self.u = self.u[:, :, None]
@@ -79,9 +82,10 @@ class Runs(InNotebooks):
 
     @classmethod
     def of_points(cls, points: Experiments) -> Runs:
-        """Return experiment points, of a model with states, as runs of one segment."""
+        """Return experiment points as runs of one segment."""
         check_type(points, Experiments, "points")
-        return cls(points.x0, points.u[:, None], points.dt[:, None], columns=points.columns)
+        dt = points.dt[:, None]
+        return cls._of(points.x0, points.u[:, None], dt, np.ones(dt.shape, dtype=bool), points.columns)
 
     @staticmethod
     def join(parts: Sequence[Runs]) -> Runs:
@@ -184,7 +188,7 @@ class Runs(InNotebooks):
     @property
     def starts(self) -> Experiments:
         """The first segments, as points; where a run starts at rest, x0 is the guess of that."""
-        return Experiments(self.x0, self.u[:, 0], self.dt[:, 0], columns=self.columns)
+        return Experiments._of(self.x0, self.u[:, 0], self.dt[:, 0], self.columns)
 
     def key(self, run: int, segments: int | None = None) -> Hashable:
         """Key of what is done to the plant in the first `segments` of a run, or in all: equal keys, equal trajectories.
@@ -204,10 +208,15 @@ class Runs(InNotebooks):
         sampled_alike : bool
             Whether runs are the same only where the same segments are measured.
         """
-        kinds: dict[Hashable, int] = {}
-        keys = (self._samples(k) if sampled_alike else self.key(k) for k in range(len(self)))
-        of = np.array([kinds.setdefault(key, len(kinds)) for key in keys], dtype=np.intp)
-        return np.unique(of, return_index=True)[1], of
+        there = self.dt > 0
+        parts = [self.x0, np.where(there[:, :, None], self.u, 0.0).reshape(len(self), -1), self.dt]
+        parts += [self.measured] if sampled_alike else []
+        if self.rests is not None:
+            numbers: dict[Rest | None, int] = {}
+            parts.append(np.array([[numbers.setdefault(one, len(numbers))] for one in self.rests]))
+        table = np.column_stack(parts) + 0.0  # -0.0 is 0.0
+        _, first, of = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        return first, np.asarray(of.reshape(-1), dtype=np.intp)
 
     def _samples(self, run: int) -> Hashable:
         """Key of what is done in a run, and of which segments are measured."""
@@ -276,6 +285,36 @@ class Runs(InNotebooks):
         check_type(model, Model, "model")
         *parts, rest = read_runs(path, model)
         return cls(*parts, rest=rest, columns=columns_of(model))
+
+
+Points: TypeAlias = Experiments | Runs
+"""What is carried out: experiment points, or runs."""
+
+
+def as_runs(points: Points) -> Runs:
+    """Return points as runs of one segment, and runs as they are; raise TypeError for anything else."""
+    if isinstance(points, Runs):
+        return points
+    if not isinstance(points, Experiments):
+        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
+    return Runs.of_points(points)
+
+
+def points_of(given: Any) -> Points | None:
+    """Return the points or runs that something is, or has as designs and measurements do; None where there are none."""
+    points = given if isinstance(given, Experiments | Runs) else getattr(given, "points", None)
+    return points if isinstance(points, Experiments | Runs) else None
+
+
+def as_flat(runs: Runs, points: Points) -> Points:
+    """Return runs as points where the others are points."""
+    return runs if isinstance(points, Runs) else runs.starts
+
+
+def joined(parts: Sequence[Points]) -> Points:
+    """Return all parts, one after the other; points are runs of one segment where runs are among them."""
+    points = [part for part in parts if isinstance(part, Experiments)]
+    return Experiments.join(points) if len(points) == len(parts) else Runs.join([as_runs(part) for part in parts])
 
 
 def as_flags(measured: ArrayLike | None) -> Flags:

@@ -14,7 +14,7 @@ from ..basics.values import Array
 from ..models import Model
 from .experiments import Experiments
 from .rest_starts import checked_starts
-from .runs import Runs
+from .runs import Points, as_runs
 
 MAX_THREADS = 4096
 
@@ -59,7 +59,7 @@ def resolve_threads(threads: int | None) -> int:
 
 def checked_arguments(
     model: Model,
-    points: Experiments | Runs,
+    points: Points,
     theta: Array,
     rtol: float,
     threads: int | None,
@@ -68,8 +68,7 @@ def checked_arguments(
     method: str | None,
 ) -> Integration:
     """Check points and settings."""
-    if not isinstance(points, Experiments | Runs):
-        raise TypeError(f"points: expected Experiments or Runs, given {type(points).__name__}")
+    runs = as_runs(points)
     n_x, n_u = len(model.states), len(model.inputs)
     if points.x0.shape[1] != n_x:
         raise ValueError(f"x0: expected shape (K, {n_x}), given {points.x0.shape}")
@@ -80,10 +79,10 @@ def checked_arguments(
         raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
     rtol = check_rtol(rtol)
     crosses = check_kinks(kinks), check_jumps(jumps)
-    starts = points.starts if isinstance(points, Runs) else points
-    if isinstance(points, Runs) and points.rests is not None and theta.ndim == 1:
-        starts = starts.starting(checked_starts(model, points, theta))
-    if not isinstance(points, Runs) or points.rests is None or theta.ndim == 1:  # of other starts the status says it
+    starts = runs.starts
+    if runs.rests is not None and theta.ndim == 1:
+        starts = starts.starting(checked_starts(model, runs, theta))
+    if runs.rests is None or theta.ndim == 1:  # of other starts the status says it
         refuse_starts_on_surfaces(model, starts, theta, crossed_surfaces(model, *crosses))
     if method is not None:
         method = check_choice(method, ("RK45", "DOP853", "Radau"), "method")

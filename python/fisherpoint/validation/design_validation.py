@@ -11,8 +11,7 @@ import numpy as np
 
 from ..basics.declared import Extents
 from ..basics.values import Array, FrozenMapping
-from ..points.experiments import Experiments
-from ..points.runs import Runs
+from ..points.runs import Points, as_runs
 from ..show.numbers import computed, counted, with_error
 from ..show.section import Report, Section
 from ..show.table_preview import InNotebooks
@@ -40,7 +39,7 @@ class DesignValidation(InNotebooks):
         Why nothing is promised: which points or runs have no trajectory at the prior mean; empty where all have one.
     """
 
-    points: Experiments | Runs
+    points: Points
     parameters: Mapping[str, ParameterFigures]
     fits: int
     failures: Mapping[str, int]
@@ -60,7 +59,7 @@ class DesignValidation(InNotebooks):
     @classmethod
     def of(
         cls,
-        points: Experiments | Runs,
+        points: Points,
         promised: Mapping[str, float],
         prior_std: Mapping[str, float],
         null_directions: tuple[str, ...],
@@ -78,7 +77,7 @@ class DesignValidation(InNotebooks):
         return cls(points, FrozenMapping(figures), int(fine.sum()), FrozenMapping(dict(failures)), null_directions, fits)
 
     @classmethod
-    def none(cls, points: Experiments | Runs, prior_std: Mapping[str, float], why: str) -> DesignValidation:
+    def none(cls, points: Points, prior_std: Mapping[str, float], why: str) -> DesignValidation:
         """Validation of points some of which have no trajectory at the prior mean."""
         return replace(cls.of(points, dict.fromkeys(prior_std, np.nan), prior_std, (), None), without=why)
 
@@ -103,9 +102,8 @@ class DesignValidation(InNotebooks):
     @property
     def size(self) -> str:
         """How many points there are, or runs and samples."""
-        if isinstance(self.points, Runs):
-            return f"{counted(len(self.points), 'run')} of {counted(int(self.points.measured.sum()), 'sample')}"
-        return counted(len(self.points), "point")
+        runs, count = as_runs(self.points), counted(len(self.points), self.points.kind)
+        return f"{count} of {counted(int(runs.measured.sum()), 'sample')}" if runs is self.points else count
 
     @property
     def failed(self) -> int:

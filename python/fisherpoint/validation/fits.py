@@ -22,11 +22,9 @@ from ..estimation.starts import evaluable_starts
 from ..estimation.unknown_noise import check_noise_is_determined, correlations_can_be_estimated
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
 from ..estimation.weighting import WeightedResiduals, noise_covariance
-from ..information.point_information import point_information
 from ..information.problem import DesignProblem
-from ..information.run_information import run_information
-from ..points.experiments import Experiments
-from ..points.runs import Runs
+from ..information.run_information import information_of
+from ..points.runs import Points, as_runs
 from ..points.status import Status
 from .figures import LEVEL
 from .searches import Searched, Searches
@@ -94,7 +92,7 @@ class Estimator:
     def of(
         cls,
         problem: DesignProblem,
-        points: Experiments | Runs,
+        points: Points,
         noise_std: dict[str, float],
         noise_known: bool,
         use_prior: bool,
@@ -113,15 +111,12 @@ class Estimator:
             check_noise_is_determined(observed, problem.prior if use_prior else None)
         covariance = noise_covariance(model, noise_std)
         common: tuple[RunError, ...] = ()
-        if isinstance(points, Runs):
-            run_information(problem, points, threads)  # which must be there
-            if problem.assumed is not None and problem.assumed.columns:
-                std = np.sqrt(np.diag(covariance))
-                common = tuple(run_errors(problem.assumed, data, problem.theta, problem.integration(threads), std))
-        else:
-            information = point_information(problem, points, False, threads)
-            if information.assumed is not None:
-                covariance = covariance + information.assumed
+        information = information_of(problem, data.runs, threads)  # which must be there
+        if information.assumed is not None:
+            covariance = covariance + information.assumed
+        elif problem.assumed is not None and problem.assumed.columns:
+            std = np.sqrt(np.diag(covariance))
+            common = tuple(run_errors(problem.assumed, data, problem.theta, problem.integration(threads), std))
         places = names_of(joint.model.parameters)
         mean = {name: float(theta[places.index(name)]) for name in observed.names}
         bounds = checked_bounds(joint.model, None, observed.names)
@@ -209,9 +204,9 @@ class Estimator:
         return jacobian[:, : shape[0] * shape[1]].reshape(len(jacobian), *shape, -1)
 
 
-def _blank(points: Experiments | Runs, of_sample: Array) -> Array:
+def _blank(points: Points, of_sample: Array) -> Array:
     """Outputs of points or runs that are the same at every sample."""
-    there = points.measured if isinstance(points, Runs) else np.ones(len(points), dtype=bool)
+    there = as_runs(points).measured.reshape(points.dt.shape)
     return np.where(there[..., None], of_sample, np.nan)
 
 
@@ -221,7 +216,7 @@ class VirtualExperiments:
 
     estimator: Estimator
     rig: Rig
-    points: Experiments | Runs
+    points: Points
     streams: Streams
     threads: int
 

@@ -7,7 +7,6 @@ from typing import Protocol
 
 from ..information.problem import DesignProblem
 from ..models import Model
-from ..points.runs import Runs
 from ..show.numbers import computed, counted, with_error
 from ..show.section import Report, Section
 from .design_validation import DesignValidation
@@ -182,8 +181,7 @@ def done(validation: Validated) -> str:
     if validation.problem.varies and validation.truth is None:
         parts.append(f"{', '.join(validation.problem.varies)} drawn anew in each point or run")
     if validation.problem.initial_state_std:
-        runs = [isinstance(design.points, Runs) for design in validation.designs.values()]
-        kinds = [kind for kind, there in (("point", not all(runs)), ("run", any(runs))) if there]
+        kinds = sorted({design.points.kind for design in validation.designs.values()})
         parts.append(f"starts off by an error of each {' and '.join(kinds)}")
     if validation.redrawn:
         parts.append(f"{validation.redrawn} draws from the prior left out, which make no sense to the model")

@@ -16,7 +16,7 @@ from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
-from ..points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
+from ..points.codec import points_from_json, points_to_json, runs_from_json
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..show.section import Report, Section
@@ -85,7 +85,7 @@ class Validation(Shown, Kept):
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Experiments: (points_to_json, points_from_json),
-        Runs: (runs_to_json, runs_from_json),
+        Runs: (points_to_json, runs_from_json),
         Model: (model_to_json, model_from_json),
     }
 

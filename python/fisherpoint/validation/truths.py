@@ -16,11 +16,10 @@ from ..information.assumed import Assumed, assumed_of
 from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
 from ..models import Model
-from ..points.experiments import Experiments
-from ..points.runs import Runs
+from ..points.runs import Points, as_runs
 from ..points.sense import sensible
+from ..points.simulate import simulate
 from ..points.status import Status
-from ..points.trajectories import simulate
 
 TRUTH_RTOL = 1e-10
 """Tolerance of the true trajectories."""
@@ -55,7 +54,7 @@ class Rig:
         std = np.array([noise_std.get(name, np.nan) for name in names_of(model.outputs)])
         return cls(model, assumed, std)
 
-    def measure(self, points: Experiments | Runs, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray, Array]:
+    def measure(self, points: Points, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray, Array]:
         """Results of virtual experiments with true parameters (B, p).
 
         Returns
@@ -67,31 +66,26 @@ class Rig:
         nuisance : ndarray, (B, q)
             By how much the constants of each plant deviate, SI units.
         """
-        count, n_points = len(theta), len(points)
-        n_samples = int(points.measured.sum()) if isinstance(points, Runs) else n_points
+        runs = as_runs(points)
+        count, n_runs, n_samples = len(theta), len(runs), int(runs.measured.sum())
         noise = self.noise_std * rng.noise.standard_normal((count, n_samples, len(self.noise_std)))
-        model, true, common = self.model, np.repeat(theta, n_points, axis=0), np.zeros((count, 0))
+        model, true, common = self.model, np.repeat(theta, n_runs, axis=0), np.zeros((count, 0))
         if self.assumed is not None:
             assumed, model = self.assumed, self.assumed.model
             common = assumed.nuisance_std * rng.constants.standard_normal((count, len(assumed.nuisance)))
-            anew = assumed.std * rng.anew.standard_normal((count * n_points, len(assumed.columns)))
+            anew = assumed.std * rng.anew.standard_normal((count * n_runs, len(assumed.columns)))
             true = assumed.theta(true)
-            true[:, assumed.nuisance] += np.repeat(common, n_points, axis=0)
+            true[:, assumed.nuisance] += np.repeat(common, n_runs, axis=0)
             true[:, assumed.columns] += anew
-        status = np.full(count * n_points, Status.not_finite, dtype=np.int32)
+        status = np.full(count * n_runs, Status.not_finite, dtype=np.int32)
         rows = np.flatnonzero(sensible(model, true))
-        y = np.zeros((count * n_points, *points.dt.shape[1:], len(self.noise_std)))
+        y = np.zeros((count * n_runs, runs.dt.shape[1], len(self.noise_std)))
         if len(rows):
-            many = np.tile(np.arange(n_points), count)[rows]
-            if isinstance(points, Runs):
-                along = simulate(model, points[many], true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
-                y[rows], status[rows] = along.y, along.status
-            else:
-                done = simulate(model, points[many], true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
-                y[rows], status[rows] = done.y, done.status
-        if isinstance(points, Runs):
-            y = y[np.tile(points.measured, (count, 1))]
-        return y.reshape(count, n_samples, -1) + noise, first_failure(status.reshape(count, n_points)), common
+            many = np.tile(np.arange(n_runs), count)[rows]
+            done = simulate(model, runs[many], true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
+            y[rows], status[rows] = done.y, done.status
+        y = y[np.tile(runs.measured, (count, 1))]
+        return y.reshape(count, n_samples, -1) + noise, first_failure(status.reshape(count, n_runs)), common
 
 
 @dataclass(frozen=True, eq=False)

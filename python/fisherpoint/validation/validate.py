@@ -13,8 +13,7 @@ from ..basics.values import Array, FrozenMapping
 from ..design.compare import named_designs
 from ..information.problem import DesignProblem
 from ..models import Model
-from ..points.experiments import Experiments
-from ..points.runs import Runs
+from ..points.runs import Points
 from ..points.settings import check_rtol, resolve_threads
 from ..points.status import NoTrajectory
 from ..show.progress import Step, check_progress, following
@@ -170,7 +169,7 @@ def _step(now: ValidationProgress) -> Step:
 def _estimator(
     name: str,
     problem: DesignProblem,
-    points: Experiments | Runs,
+    points: Points,
     std: dict[str, float],
     noise: str,
     use_prior: bool,

@@ -23,6 +23,7 @@ from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
 from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
+from ...points.runs import as_runs, points_of
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
 from ..average import Average
@@ -214,8 +215,9 @@ class ApproximateDesign(Shown, Kept):
             For what are no points, points that are not valid at the prior mean, and another number than `n_experiments` where the
             prior's information was added.
         """
-        given = points if isinstance(points, Experiments) else getattr(points, "points", None)
-        if not isinstance(given, Experiments):
+        of = points_of(points)
+        given = None if of is None else as_runs(of).points
+        if given is None:
             raise TypeError(f"points: expected Experiments or a design of these, given {type(points).__name__}")
         count = len(given)
         if not count:

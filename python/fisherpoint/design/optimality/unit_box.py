@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...points.experiments import Experiments
-from ...points.region import ExperimentRegion
 from .point_rows import PointRows
 
 
@@ -15,8 +14,7 @@ class UnitBox:
     """The region's coordinates that are free, as a unit box."""
 
     def __init__(self, source: PointRows) -> None:
-        region, self.model = source.problem.region, source.problem.model
-        assert isinstance(region, ExperimentRegion)
+        region, self.model = source.problem.point_region, source.problem.model
         self.source = source
         self.lower, self.upper = region.box(self.model)
         self.free = np.flatnonzero(self.upper > self.lower)

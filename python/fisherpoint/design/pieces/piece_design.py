@@ -18,7 +18,7 @@ from ...information.codec import evaluation_from_json, evaluation_to_json, probl
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
-from ...points.codec import runs_from_json, runs_to_json
+from ...points.codec import points_to_json, runs_from_json
 from ...points.runs import Runs
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
@@ -114,7 +114,7 @@ class PieceDesign(Shown, Kept):
 
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
-        Runs: (runs_to_json, runs_from_json),
+        Runs: (points_to_json, runs_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
     }
 

@@ -17,7 +17,6 @@ from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ...information.validity import Validity
 from ...points.experiments import Experiments
-from ...points.region import ExperimentRegion
 from .lineage import Lineage
 from .pool import best_of_each, far_apart
 
@@ -75,9 +74,7 @@ class Climbs:
     def __init__(
         self, problem: DesignProblem, rng: np.random.Generator, threads: int | None, elsewhere: tuple[DesignProblem, ...] = ()
     ) -> None:
-        region = problem.region
-        assert isinstance(region, ExperimentRegion)
-        lower, upper = region.box(problem.model)
+        lower, upper = problem.point_region.box(problem.model)
         self._width = upper - lower
         self._source = CandidateSource(problem, rng, threads, elsewhere=elsewhere, validity=Validity(problem, threads, False))
         self._lineage = Lineage()

@@ -18,7 +18,6 @@ from ...information.output_covariance import Criterion, cholesky_factor, whitene
 from ...information.point_information import PointInformation, point_sensitivities
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
-from ...points.region import ExperimentRegion
 from ...points.status import Status
 from ..optimality.aims import Aim, slopes_of
 from ..over_prior import Scenarios
@@ -63,11 +62,10 @@ class PointAscent:
         over: Scenarios,
         aims: Sequence[Aim],
     ) -> None:
-        assert isinstance(problem.region, ExperimentRegion)
         self._over, self._aims = over, aims
         self._problem, self._source, self._criterion, self._threads = problem, source, criterion, threads
         self.fixed = fixed
-        self._lower, self._upper = problem.region.box(problem.model)
+        self._lower, self._upper = problem.point_region.box(problem.model)
         self._width = self._upper - self._lower
         self._free = np.flatnonzero(self._width > 0)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.point_information import PointInformation
-from ...points.region import ExperimentRegion
+from ...points.runs import Runs
 from ..optimality.aims import aim_of
 from ..optimality.estimability import restricted_aims
 from ..optimality.estimable import Estimable
@@ -58,9 +58,7 @@ class PoolSearch(PointSearch):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        region = self.problem.region
-        assert isinstance(region, ExperimentRegion)
-        self._lower, self._upper = region.box(self.problem.model)
+        self._lower, self._upper = self.problem.point_region.box(self.problem.model)
         p = self.problem.n_unknowns
         self._known = np.tile(self.of_prior, (len(self.over.problems), 1, 1))
         for s, known in enumerate(self.over.previous):
@@ -140,7 +138,7 @@ class PoolSearch(PointSearch):
         best candidates for each point are sampled earlier where some plants cannot run them to their end.
         """
         points, count = design.experiments, len(design)
-        places = np.sort(points.distinct()[0])
+        places = np.sort(Runs.of_points(points).distinct()[0])
         each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
         near, of = self.source.draw_near(points[places], each, self.lineage.steps(self._numbers(design)[places]))
         if not len(near):

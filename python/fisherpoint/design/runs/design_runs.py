@@ -14,11 +14,12 @@ from ...basics.values import Array, FrozenMapping
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_design
 from ...information.feasibility import Feasibility, feasibility_within
+from ...information.output_covariance import criterion
 from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
 from ...information.prior_information import prior_information as information_of_prior
 from ...information.problem import DesignProblem
-from ...information.run_information import checked_problem, information_matrices, run_information
+from ...information.run_information import checked_problem, information_matrices, information_of
 from ...points.experiments import Experiments
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
@@ -120,9 +121,7 @@ def design_runs(
         determine a criterion other than "D", and with ``singular="error"`` where parameters are left open.
     """
     check_type(problem, DesignProblem, "problem")
-    if not isinstance(problem.region, RunRegion):
-        given = "None" if problem.region is None else type(problem.region).__name__
-        raise ValueError(f"region: expected a RunRegion for runs, given {given}")
+    region = problem.run_region
     checked_problem(problem)
     settings = RunSettings(
         n_runs=n_runs,
@@ -151,13 +150,13 @@ def design_runs(
     there = np.array([_known_there(moved, problem, known, previous, threads) for moved in problems])
     kept = None
     if keep is not None:
-        kept = _kept(keep, problem.region, settings.n_runs)
+        kept = _kept(keep, region, settings.n_runs)
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     there = there + information_of_prior(problem, settings.prior_information)
     with following(progress, "start", _step, "drawing the first runs") as report:
         search = RunSearch(
             problem,
-            problem.region,
+            region,
             settings.n_runs - (0 if kept is None else len(kept)),
             theta,
             average,
@@ -283,10 +282,10 @@ def _kept(keep: object, region: RunRegion, n_runs: int) -> Runs:
 def _information_of_kept(moved: DesignProblem, kept: Runs, threads: int) -> Array:
     """F (p, p) of runs that are kept, in a scenario."""
     try:
-        rows = run_information(moved, kept, threads).sensitivity
+        information = information_of(moved, kept, threads)
     except ValueError as error:
         raise ValueError(f"keep: expected runs that reach their ends, given others: {error}") from error
-    return np.asarray(information_matrices(moved, rows[None])[0])
+    return _matrix(moved, information, threads)
 
 
 def _known_there(
@@ -297,8 +296,17 @@ def _known_there(
         known, _ = previous_information(moved, previous, threads)
     if known is None:
         return np.zeros((problem.n_unknowns, problem.n_unknowns))
-    measured = known.sensitivity if known.measured is None else np.where(known.measured[:, :, None], known.sensitivity, 0.0)
-    return np.asarray(information_matrices(moved, measured[None])[0])
+    return _matrix(moved, known, threads)
+
+
+def _matrix(problem: DesignProblem, information: PointInformation, threads: int) -> Array:
+    """F (p, p) of points and runs."""
+    if information.assumed is not None:  # points have D of their own
+        white = criterion(problem, information, threads).prepare(information).sensitivity.reshape(-1, problem.n_unknowns)
+        return np.asarray(white.T @ white)
+    rows, measured = information.sensitivity, information.measured
+    rows = rows if measured is None else np.where(measured[:, :, None], rows, 0.0)
+    return np.asarray(information_matrices(problem, rows[None])[0])
 
 
 def _step(now: RunProgress) -> Step:

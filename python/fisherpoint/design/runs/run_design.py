@@ -19,7 +19,7 @@ from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
-from ...points.codec import points_from_json, points_to_json, runs_from_json, runs_to_json
+from ...points.codec import points_from_json, points_to_json, runs_from_json
 from ...points.experiments import Experiments
 from ...points.run_files import plan_csv, runs_csv
 from ...points.runs import Runs
@@ -110,7 +110,7 @@ class RunDesign(Shown, Kept):
     _GONE = ("plants",)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
-        Runs: (runs_to_json, runs_from_json),
+        Runs: (points_to_json, runs_from_json),
         Experiments: (points_to_json, points_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
         OverPrior: (OverPrior.to_json, OverPrior.from_json),
