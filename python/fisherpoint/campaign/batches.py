@@ -43,8 +43,6 @@ class Kind:
         The search's argument for their number.
     batch : int
         Their number where none is given.
-    preset : mapping of name to value
-        Settings that a batch has instead of the search's defaults.
     tables : mapping of name to callable
         The text of each file of a batch, ``<name>_<k>.csv``.
     to_json, from_json : callable
@@ -57,7 +55,6 @@ class Kind:
     search: Callable[..., Any]
     size: str
     batch: int
-    preset: Mapping[str, Any]
     tables: Mapping[str, Callable[[Any, Model], str]]
     to_json: Callable[[Any], dict[str, Any]]
     from_json: Callable[[dict[str, Any]], Points]
@@ -82,9 +79,10 @@ class Kind:
         if found.stop_reason == "interrupted":
             raise KeyboardInterrupt
         able = found.feasibility
-        if found.settings.confidence is not None and able is not None and not found.feasible:
+        required = found.settings.goal.share_of_plants
+        if required is not None and able is not None and not found.feasible:
             warnings.warn(
-                f"confidence: expected a batch that {percent(found.settings.confidence)} of the plants can run, "
+                f"confidence: expected a batch that {percent(required)} of the plants can run, "
                 f"found one that {percent(able.share)} can",
                 stacklevel=3,
             )
@@ -108,7 +106,6 @@ POINTS = Kind(
     search=exchange,
     size="n_experiments",
     batch=6,
-    preset=FrozenMapping({"references": False}),
     tables=FrozenMapping({"batch": points_csv}),
     to_json=points_to_json,
     from_json=points_from_json,
@@ -121,7 +118,6 @@ RUNS = Kind(
     search=design_runs,
     size="n_runs",
     batch=1,
-    preset=FrozenMapping({}),
     tables=FrozenMapping({"batch": runs_csv, "plan": plan_csv}),
     to_json=runs_to_json,
     from_json=runs_from_json,

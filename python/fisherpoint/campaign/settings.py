@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
-from inspect import signature
 from typing import Any
 
 import numpy as np
 
 from ..basics.checks import as_share, by_name, check_positive_int
 from ..basics.messages import shown
-from ..design.settings import most_iterations
+from ..design.optimality.goal import goal_of
+from ..design.settings import ExchangeSettings, method_of, most_iterations
 from ..information.problem import DesignProblem
 from .batches import Kind, Settings
 
@@ -26,14 +26,14 @@ def batch_seed(seed: int, batches: int) -> int:
 
 
 def batch_settings(problem: DesignProblem, kind: Kind, batch: int | None, seed: int, given: Mapping[str, Any]) -> Settings:
-    """Settings of the search for a batch: the search's own defaults, but for what the kind presets."""
-    defaults = {name: one.default for name, one in signature(kind.search).parameters.items()}
+    """Settings of the search for a batch, with the search's own defaults; no batch is compared with other designs."""
     known = [field.name for field in fields(kind.settings) if field.name not in (kind.size, "seed", "time_limit")]
     for unknown in (name for name in given if name not in known):
         raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
-    values = {name: defaults[name] for name in known} | dict(kind.preset) | dict(given)
-    if "max_iterations" in values:
-        values["max_iterations"] = most_iterations(values["max_iterations"], values["method"], problem)
+    values = dict(given) | {"goal": goal_of(given.get("goal", "D"))}
+    if kind.settings is ExchangeSettings:
+        method = replace(method_of(given.get("method", "auto")), references=False)
+        values |= {"method": method, "max_iterations": most_iterations(given.get("max_iterations"), method, problem)}
     values[kind.size] = check_positive_int(kind.batch if batch is None else batch, "batch")
     return kind.settings(**values, seed=check_positive_int(seed, "seed", 0), time_limit=None)
 

@@ -8,7 +8,7 @@ from ..basics.checks import check_flag, check_type
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from .evaluation import Evaluation, evaluate_information
-from .output_covariance import criterion, needs_covariances
+from .output_covariance import needs_covariances, output_covariance
 from .point_information import PointInformation, point_information
 from .previous import Previous, previous_information
 from .problem import DesignProblem
@@ -64,7 +64,7 @@ def evaluate_design(
         warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
     if known is not None:
         information = PointInformation.join([known, information])
-    return evaluate_information(problem, information, criterion(problem, information, threads), threads, prior_information)
+    return evaluate_information(problem, information, output_covariance(problem, information, threads), threads, prior_information)
 
 
 def evaluate_under_noise(

@@ -23,7 +23,8 @@ import numpy as np
 
 from ...basics.values import Array
 from ..average import Average
-from .criteria import Criterion, Determinant, Slope
+from .criteria import Criterion, Slope
+from .determinant import Determinant
 from .estimable import Estimable
 
 LEAST_SOFTNESS = 1e-12

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ..average import Average
-from ..optimality.aims import Aim, LogDet
+from ..optimality.criteria import Criterion
 
 ROUNDS, STEPS, ADDED = 30, 200, 32
 """Rounds that add candidates, steps of the weights in each round, and candidates that each adds."""
@@ -44,7 +44,7 @@ def over_bound(
     average: Average,
     first: int,
     allowed: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
-    aims: Sequence[Aim],
+    criteria: Sequence[Criterion],
 ) -> float | None:
     """The bound of the objective at M_s + `known`; None where the first candidates do not determine the criterion.
 
@@ -59,22 +59,22 @@ def over_bound(
         Candidates to begin with: the first so many, which may have weights.
     allowed : callable
         Takes candidates that would have a weight and returns which of them may; the others do not count.
-    aims : sequence of Aim
+    criteria : sequence of Criterion
         In each scenario.
     """
-    level, power = aims[0].level, 1.0 if isinstance(aims[0], LogDet) else POWER
+    level, power = criteria[0].level, 1.0 if criteria[0].plain else POWER
     working = np.arange(first)
     weights, possible = np.full(first, 1 / first), np.ones(rows.shape[1], dtype=bool)
     best = np.inf
     for _ in range(ROUNDS):
         some = rows[:, working]
         for _ in range(STEPS):
-            found = _slopes(some, weights, known, average, aims)
+            found = _slopes(some, weights, known, average, criteria)
             if found is None:
                 return None
             weights = weights * found[2] ** power
             weights /= weights.sum()
-        found = _slopes(some, weights, known, average, aims)
+        found = _slopes(some, weights, known, average, criteria)
         if found is None:
             return None
         halves, value, _ = found
@@ -99,15 +99,17 @@ def over_bound(
     return best
 
 
-def _slopes(rows: Array, weights: Array, known: Array, average: Average, aims: Sequence[Aim]) -> tuple[Array, float, Array] | None:
+def _slopes(
+    rows: Array, weights: Array, known: Array, average: Average, criteria: Sequence[Criterion]
+) -> tuple[Array, float, Array] | None:
     """Y_s (S, p, r) with q_s G_s = Y_s Y_s^T, sum_s q_s log phi(M_s), and all d_i; None where an M_s is singular."""
     matrices = np.einsum("k,sknp,sknq->spq", weights, rows, rows, optimize=True) + known
     try:
-        slopes = [aim.criterion.slope(matrix, SMOOTH) for aim, matrix in zip(aims, matrices, strict=True)]
+        slopes = [criterion.slope(matrix, SMOOTH) for criterion, matrix in zip(criteria, matrices, strict=True)]
     except np.linalg.LinAlgError:
         return None
     values = np.array([slope.log_phi for slope in slopes])
-    q = average.softened(aims[0].level * values)[1] / len(values)
+    q = average.softened(criteria[0].level * values)[1] / len(values)
     halves = np.sqrt(q)[:, None, None] * np.stack([slope.half for slope in slopes])
     return halves, float(q @ values), _along(rows, halves, known)
 
