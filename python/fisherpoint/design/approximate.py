@@ -19,7 +19,7 @@ from ..points.region import ExperimentRegion
 from ..points.settings import resolve_threads
 from ..show.progress import Step, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
-from .optimality.averaged import Averaged, EstimableOver, parted
+from .optimality.averaged import MOST_OF_ALL, Averaged, EstimableOver, parted
 from .optimality.candidate_rows import CandidateRows
 from .optimality.continuous import Refinement, refined
 from .optimality.estimability import NOT_TOLD, determined, not_told
@@ -41,9 +41,6 @@ iterations, and how many of the candidates of each are taken."""
 
 AGREE = 1e-4
 """No further search follows where one finds as good a design as those before it but for so much for each parameter."""
-
-MOST_OF_ALL = 320
-"""Scenarios times parameters: matrices of this size are made of every candidate that is weighed."""
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""

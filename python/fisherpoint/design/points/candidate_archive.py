@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -19,7 +19,6 @@ from ...points.experiments import Experiments
 from ..efficiency import Bound
 from ..optimality.candidate_rows import CandidateRows, Places
 from ..optimality.criteria import Criterion
-from ..optimality.determinant import Determinant
 from ..optimality.eigenvalue_criteria import ConditionNumber
 from ..optimality.estimability import NOT_TOLD, determined
 from ..optimality.estimable import estimable
@@ -34,8 +33,7 @@ MOST_NUMBERS = 20_000_000
 """Most sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not kept."""
 
 TOLERANCE = 5e-4
-"""Share of its level by which the sensitivity function may exceed it over the candidates."""
-
+"""Share of its level by which the sensitivity function may exceed it over the candidates, at the prior mean."""
 
 LOOKS = 60
 """Maximum number of batches checked on all nodes."""
@@ -129,19 +127,20 @@ class CandidateArchive:
                 flat = whitened_rows(noise, there).reshape(-1, p)
                 known[s] += flat.T @ flat / count
 
-        def runs_everywhere(places: Places) -> NDArray[np.bool_]:
-            return self.validity.of(everything.points[places])
-
-        criteria, level = self.criteria, self.criteria[0].level
-        spans = [one.basis for one in criteria if isinstance(one, Determinant) and one.whole and not one.plain]
-        if spans:  # log det F of what the candidates determine in each scenario
-            if any(criterion.level != level for criterion in criteria) or len(spans) < len(criteria):
-                return None
-            rows = np.stack([own @ span for own, span in zip(rows, spans, strict=True)])
-            known = np.stack([span.T @ own @ span for own, span in zip(known, spans, strict=True)])
-            criteria = (Determinant("D", np.eye(level), True),) * len(criteria)
-        value = over_bound(rows, known, over.average, count, runs_everywhere, criteria)
+        value = over_bound(rows, known, over.average, count, self._runnable(everything, count), self.criteria)
+        level = self.criteria[0].level
         return None if value is None else Bound(float(value + level * np.log(2 * count / total)), len(everything) - count)
+
+    def _runnable(self, everything: _Parts, count: int) -> Callable[[Places], NDArray[np.bool_]]:
+        """Which candidates the plants of the prior can run; the first, which are the design's points, were tried before."""
+        valid = np.arange(len(everything)) < count
+
+        def runs_everywhere(places: Places) -> NDArray[np.bool_]:
+            unknown = places[~valid[places]]
+            valid[unknown] = self.validity.of(everything.points[unknown])
+            return valid[places]
+
+        return runs_everywhere
 
     def best(self, design: PointInformation, previous: PointInformation | None, most: int) -> PointInformation | None:
         """Those with the largest sensitivity under the best weights; None where they do not determine all parameters.
@@ -182,20 +181,13 @@ class CandidateArchive:
         lost = determined(self._problem, space) != criterion.level if criterion.of_all else criterion.outside(space) > NOT_TOLD
         if lost or isinstance(criterion, ConditionNumber):
             return None
-        valid = np.arange(len(rows)) < count
-
-        def runs_everywhere(places: Places) -> NDArray[np.bool_]:
-            unknown = places[~valid[places]]
-            valid[unknown] = self.validity.of(everything.points[unknown])
-            return valid[places]
-
         found = optimal_weights(
             candidates,
             criterion,
             tolerance=TOLERANCE,
             space=space,
             first=np.arange(count),
-            allowed=runs_everywhere,
+            allowed=self._runnable(everything, count),
         )
         return _Best(everything, candidates, found)
 
