@@ -31,7 +31,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "paper": {"method": "paper"},
     "auto": {"method": "auto"},
     "paper, as long": {"method": "paper"},
-    "auto, 99 %": {"method": "auto", "confidence": 0.99},
+    "auto, 99 %": {"method": "auto", "goal": fp.Goal(confidence=0.99)},
 }
 OF_PAPER = 200
 """Iterations of the paper's search where none are given."""
@@ -64,7 +64,9 @@ def trial(case: Case, method: str, seed: int, threads: int, before: Iterable[Tri
         seconds = {one.method: one.cpu for one in before if (one.case, one.seed) == (case.name, seed)}
         settings["max_iterations"] = max(OF_PAPER, round(OF_PAPER * seconds["auto"] / seconds["paper"]))
     wall, cpu = perf_counter(), process_time()
-    design = fp.exchange(problem, case.n_experiments, seed=seed, threads=threads, references=False, **settings)
+    design = fp.exchange(
+        problem, case.n_experiments, seed=seed, threads=threads, method=fp.ExchangeMethod(references=False), **settings
+    )
     cpu, wall, p = process_time() - cpu, perf_counter() - wall, len(problem.estimated)
     log_det = design.evaluation.log_det + p * float(np.log(case.n_experiments / 2))
     can_run = None

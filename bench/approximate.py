@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.weights import optimal_weights
 
 from . import fresh_process

@@ -102,7 +102,14 @@ def measure(quick: bool, tell: Callable[[str], None], runs: int | None = None, t
     """Run both ways for truths drawn from the prior; the single design is searched for as long as four batches together."""
     begin, problem = perf_counter(), wide_problem()
     count, iterations = (5, 40) if quick else (50, 200)
-    single = fp.exchange(problem, BATCHES * BATCH, max_iterations=BATCHES * iterations, seed=0, threads=threads, references=False)
+    single = fp.exchange(
+        problem,
+        BATCHES * BATCH,
+        max_iterations=BATCHES * iterations,
+        seed=0,
+        threads=threads,
+        method=fp.ExchangeMethod(references=False),
+    )
     done = []
     for number in range(runs or count):
         run = _run(problem, single.points, number, iterations, threads)

@@ -49,13 +49,15 @@ def add(trials: Trials, options: dict[str, Any], seed: int, threads: int) -> Non
     """Design once more."""
     case = next(case for case in CASES if case.name == trials.case)
     problem = case.problem()
-    asked: dict[str, Any] = {"criterion": trials.criterion, **options}
+    goal = fp.Goal(trials.criterion, **options)
     started = process_time()
-    design = fp.exchange(problem, case.n_experiments, seed=seed, threads=threads, references=False, **asked)
+    design = fp.exchange(
+        problem, case.n_experiments, seed=seed, threads=threads, method=fp.ExchangeMethod(references=False), goal=goal
+    )
     trials.cpu.append(process_time() - started)
     trials.log_phi.append(design.criterion.log_phi(design.evaluation.information))
     if seed == 0:
-        efficiency = fp.exchange(problem, case.n_experiments, seed=seed, threads=threads, **asked).efficiency
+        efficiency = fp.exchange(problem, case.n_experiments, seed=seed, threads=threads, goal=goal).efficiency
         if efficiency is not None and efficiency.at_most is not None:
             trials.at_most = efficiency.at_most / design.criterion.level + float(np.log(case.n_experiments / 2))
 

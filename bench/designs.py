@@ -96,7 +96,9 @@ def _search(name: str, iterations: int, threads: int) -> DesignFigures:
     problem = default_problem(output_covariance, rule)
     with timed_calls(kernels, KERNELS) as trajectories, timed_calls(_core.FisherAccumulator, ACCUMULATOR) as accumulator:
         begin, used = perf_counter(), process_time()
-        design = fp.exchange(problem, max_iterations=iterations, threads=threads, references=references, method="paper")
+        design = fp.exchange(
+            problem, max_iterations=iterations, threads=threads, method=fp.ExchangeMethod("paper", references=references)
+        )
         seconds, cores = perf_counter() - begin, process_time() - used
     return DesignFigures(
         name=name,

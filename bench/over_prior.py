@@ -38,7 +38,7 @@ def rows(name: str, seed: int, runs: int) -> list[str]:
     for kind in (None, *KINDS):
         label, started = kind or "mean", process_time()
         over = None if kind is None else fp.OverPrior(kind)
-        designs[label] = fp.exchange(problem, 12, seed=seed, references=False, over=over)
+        designs[label] = fp.exchange(problem, 12, seed=seed, method=fp.ExchangeMethod(references=False), goal=fp.Goal(over=over))
         told[label] = process_time() - started, log_dets(problem, designs[label].points)
     points = {label: design.points for label, design in designs.items()}
     validation = fp.validate(problem, points, runs=runs, theta="prior", seed=3)

@@ -61,7 +61,7 @@ def searched(kind: str, bare: bool = False, paper: bool = False) -> Callable[[fl
             asked = asked.replace(noise_std=None)
         if paper:
             asked = asked.replace(rule=fp.TensorGrid(levels=3, span=1.5))
-        found = fp.exchange(asked, N, seed=seed, references=False, method="paper", local=0.0 if paper else 0.5)
+        found = fp.exchange(asked, N, seed=seed, method=fp.ExchangeMethod("paper", references=False, local=0.0 if paper else 0.5))
         errors, own = found.evaluation.standard_errors, None
         if kind != "noise" and errors is not None:
             own = np.array([errors[name] / PRIOR.std[name] for name in asked.estimated])

@@ -86,7 +86,7 @@ def yeast() -> RunProblem:
     problem = _problem(model, mean, {"x": 0.2, "s": 0.2}, region)
     points = problem.theta * (0.6 + 0.8 * qmc.Sobol(4, scramble=False).random_base2(8)[1:129])
     over = fp.OverPrior("log", scenarios=[dict(zip(mean, row, strict=True)) for row in points.tolist()])
-    return RunProblem("yeast, 128 plants", problem, 5, 44.8997, 3, {"over": over, "n_starts": 4})
+    return RunProblem("yeast, 128 plants", problem, 5, 44.8997, 3, {"goal": fp.Goal(over=over), "n_starts": 4})
 
 
 def cylinder() -> RunProblem:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fisherpoint.design.points.exchange_search import SHORTLIST, ExchangeSearch
-from fisherpoint.design.settings import ExchangeSettings
+from fisherpoint.design.settings import ExchangeMethod, ExchangeSettings
 from fisherpoint.engine import _core
 from fisherpoint.information.point_information import PointInformation, with_linearized_covariance
 from fisherpoint.points.settings import resolve_threads
@@ -51,11 +51,8 @@ def measure(quick: bool) -> list[ScreeningFigures]:
             n_candidates=50,
             max_iterations=40 if quick else 200,
             seed=0,
-            patience=None,
+            method=ExchangeMethod(references=False, screen=False),
             time_limit=None,
-            max_redraws=1,
-            references=False,
-            screen=False,
         )
         search = _Watched(default_problem(kind), settings, resolve_threads(None))
         search.run(None)

@@ -76,7 +76,9 @@ def main() -> None:
     """Print both tables."""
     console = Console(width=120)
     designs = {
-        place: fp.exchange(problem(place), n_experiments=12, max_iterations=200, seed=0, references=False, method="paper")
+        place: fp.exchange(
+            problem(place), n_experiments=12, max_iterations=200, seed=0, method=fp.ExchangeMethod("paper", references=False)
+        )
         for place in PLACES
     }
     changed = Table("starts", "width", "a_tau, %", "b_tau, %", "worst other, %", "log det", "outputs / noise std", title="Changes")

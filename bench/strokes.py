@@ -151,7 +151,7 @@ def measure(quick: bool, show: Callable[[str], None], cases: tuple[StrokeCase, .
 def one(case: StrokeCase, problem: fp.DesignProblem, seed: int) -> StrokeFigures:
     """Figures of one search."""
     design = fp.design_runs(
-        problem, case.n_runs, n_starts=case.n_starts, seed=seed, confidence=CONFIDENCE, time_limit=case.time_limit
+        problem, case.n_runs, n_starts=case.n_starts, seed=seed, goal=fp.Goal(confidence=CONFIDENCE), time_limit=case.time_limit
     )
     share = design.feasibility.share
     as_many = {one: value for one, value in design.classical.items() if design.classical_shares[one] >= share}

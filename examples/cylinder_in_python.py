@@ -56,7 +56,7 @@ def cylinder(x, u, p):
 if __name__ == "__main__":
     print(cylinder)
     problem = fp.load_problem(Path(__file__).with_name("cylinder.toml"))
-    settings = {"n_experiments": 12, "max_iterations": 50, "seed": 1, "references": False}
+    settings = {"n_experiments": 12, "max_iterations": 50, "seed": 1, "method": fp.ExchangeMethod(references=False)}
     built_in, written = (fp.exchange(given, **settings) for given in (problem, problem.replace(model=cylinder)))
     print(f"log det {written.evaluation.log_det:.6f}, built in {built_in.evaluation.log_det:.6f}")
     print("same points:", np.array_equal(written.points.table, built_in.points.table))

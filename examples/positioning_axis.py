@@ -5,7 +5,7 @@ from pathlib import Path
 import fisherpoint as fp
 
 problem = fp.load_problem(Path(__file__).with_name("positioning_axis.toml"))
-design = fp.exchange(problem, n_experiments=8, max_iterations=100, references=False)
+design = fp.exchange(problem, n_experiments=8, max_iterations=100, method=fp.ExchangeMethod(references=False))
 print("with a known drive gain:", {name: f"{rse:.2%}" for name, rse in design.evaluation.rse.items()})
 
 # With the gain among the parameters all forces may be scaled by one factor, and no position changes.

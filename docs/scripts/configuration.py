@@ -15,6 +15,9 @@ from typing import Any
 
 import fisherpoint as fp
 from fisherpoint.design.configuration import Config
+from fisherpoint.design.optimality.goal import Goal
+from fisherpoint.design.option import keys_of, options_of
+from fisherpoint.design.settings import ExchangeMethod, ExchangeSettings
 
 PAGE = Path(__file__).resolve().parents[1] / "reference" / "configuration.md"
 
@@ -38,6 +41,9 @@ Tables marked *by name* have one entry for each quantity. An entry that only has
 is short for `x_v = { value = 1e-3 }`, as is `u = [-1, 1]` in `[region]` for its bounds, and `u = "V"` in `[model.inputs]` for its
 unit.
 """
+
+GOAL, SEARCH = keys_of(Goal), keys_of(ExchangeSettings, ExchangeMethod)
+MEANINGS = {table: {name: key.meaning for name, key in keys.items()} for table, keys in (("goal", GOAL), ("design", SEARCH))}
 
 # Table by table, in the order of the page: the table's introduction, an example, and the meaning of its keys.
 TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
@@ -170,7 +176,6 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "samples": "How many samples are chosen of each run; all where it is not given.",
             "rest": "How runs start [at rest](../how_to/runs_at_rest.md), as a table `[runs.rest]`.",
             "n_starts": "How often the search begins anew, from random runs or classical ones. Sets its work; 8 where not given.",
-            "confidence": "Share of the plants that the prior allows which must be able to run the design.",
         },
     ),
     "runs.rest": (
@@ -201,33 +206,16 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "seed": "Seed of the scrambling.",
         },
     ),
+    "goal": (
+        "What the design is to be good for, of points and of runs. [Criteria](../how_to/criteria.md).",
+        '[goal]\ncriterion = "c"\nof = "V / K"\n',
+        MEANINGS["goal"],
+    ),
     "design": (
-        "What is optimized and how long the search may take.",
+        "What is estimated, and how long the search may take.",
         '[design]\nn_experiments = 12\nmax_iterations = 200\nparameters = ["a_tau", "b_tau", "m_q"]\n',
         {
-            "n_experiments": "Number of points of the design.",
-            "n_candidates": 'Random candidates per iteration; `"auto"` has 200 times as many in its pool.',
-            "max_iterations": "Largest number of iterations.",
-            "seed": "Seed of the search; the same seed gives the same design, whatever the number of threads.",
-            "patience": "Stop after this many iterations without an exchange.",
-            "time_limit": "Stop after this many seconds: a safety net, that makes designs differ. Not allowed in a campaign.",
-            "local": "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
-            "method": 'The [search](../explanation/search.md): `"auto"`, or the faster `"paper"`, which is Algorithm 1 with moves'
-            " of points and gets less close to the best design.",
-            "singular": "Where points leave some parameters open: a design for [what can be estimated](../how_to/singular.md), or"
-            " an error.",
-            "over": "What is maximised [over the prior](../how_to/over_prior.md), not at its mean alone: the mean of log det F over"
-            " scenarios, the smallest, or the mean of the worst `share` of them.",
-            "scenarios": "Number of these scenarios, a power of two; nodes of a Sobol rule.",
-            "share": 'Share of the scenarios of `"cvar"`.',
-            "criterion": "[What the points are to be good for](../how_to/criteria.md): log det F, or another criterion.",
-            "of": 'For `"c"` a function of the parameters; for `"Ds"` names of parameters; for `"I"` the name of an output.',
-            "conditions": 'For `"I"`, a CSV file beside this one with the points at which the output is predicted.',
-            "scale": 'For `"A"`, `"E"` and `"ME"`, what errors of the parameters are compared with, by name.',
-            "confidence": "Share of the plants that the prior allows which must be able"
-            " to run [all points](../how_to/limits.md#points-that-most-plants-can-run).",
-            "prior_information": "Whether the [prior's information](../how_to/criteria.md#what-the-prior-knows) counts beside that"
-            " of the measurements.",
+            **MEANINGS["design"],
             "output_covariance": "The [form of D](../explanation/output_covariance.md).",
             "parameters": "The parameters to estimate; the others are taken as known.",
             "kinks": 'Whether trajectories may cross kinks; `"exclude"` leaves out points that do.',
@@ -263,8 +251,6 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
 }
 
 SAID: dict[str, str] = {
-    "design.scenarios": "`8`",
-    "design.share": "`0.25`",
     "design.output_covariance": '`"noise"` with `[noise_std]`, else `"region"`',
     "design.parameters": "all",
     "rule.kind": '`"sparse_gauss_hermite"`',
@@ -274,7 +260,6 @@ SAID: dict[str, str] = {
     "cost.per_change": "none",
     "campaign.batch": "`6` points, or `1` run",
     "campaign.targets": "none",
-    "design.max_iterations": '`800`, with the search `"paper"` `200`',
     "model.states.scale": "1",
     "model.parameters.scale": "none",
     "model.outputs.scale": "none",
@@ -370,14 +355,18 @@ def _default(table: str, key: str, node: Mapping[str, Any]) -> str:
         return SAID[f"{table}.{key}"]
     if table == "rule":
         return _of_rules(key)
+    of_option = (GOAL if table == "goal" else SEARCH if table == "design" else {}).get(key)
+    if of_option is not None and of_option.default:
+        return of_option.default
     known: dict[str, tuple[Any, ...]] = {
-        "design": (fp.exchange, fp.DesignProblem),
+        "design": (fp.DesignProblem,),
         "runs": (fp.RunRegion, fp.design_runs),
         "campaign": (fp.Campaign,),
     }
     functions = known.get(table, ())
     values = [inspect.signature(function).parameters[key].default for function in functions if key in _arguments(function)]
-    value = values[0] if values else node.get("default")
+    of_options = {one.name: one.default for kind in (Goal, ExchangeSettings, ExchangeMethod) for one in options_of(kind)}
+    value = values[0] if values else of_options.get(key) if of_option is not None else node.get("default")
     return "none" if value in (None, "", [], {}, ()) else f"`{str(value).lower() if isinstance(value, bool) else _toml(value)}`"
 
 

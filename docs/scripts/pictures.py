@@ -26,7 +26,7 @@ def validation() -> None:
     problem = cylinder()
     designs = {
         "noise": fp.exchange(problem, n_experiments=12).points,
-        "random": fp.exchange(problem, n_experiments=12, max_iterations=0, references=False).points,
+        "random": fp.exchange(problem, n_experiments=12, max_iterations=0, method=fp.ExchangeMethod(references=False)).points,
     }
     fp.validate(problem, designs).plot(path=IMAGES / "validation.png")
 

@@ -65,7 +65,9 @@ print(campaign.fit.converged)
 # What would it have been without batches? All experiments at once, designed where the prior's mean is:
 
 # %%
-at_once = fp.exchange(problem, n_experiments=4 * len(campaign.history), max_iterations=40, references=False)
+at_once = fp.exchange(
+    problem, n_experiments=4 * len(campaign.history), max_iterations=40, method=fp.ExchangeMethod(references=False)
+)
 alone = fp.estimate(tanks, rig.measure(at_once.points), prior, noise_std={"h2": 0.002})
 print({name: f"{100 * share:.2f} %" for name, share in alone.rse.items()})
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.optimality.branch_and_bound import ExactProgress
     from .design.optimality.criteria import Criterion
     from .design.optimality.exact_design import ExactDesign
-    from .design.optimality.goal import criterion
+    from .design.optimality.goal import Goal
+    from .design.optimality.goal_criterion import criterion
     from .design.over_prior import OverPrior
     from .design.pieces.best_pieces import best_pieces
     from .design.pieces.piece_design import PieceDesign
@@ -32,7 +33,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.runs.run_design import RunDesign
     from .design.runs.run_search import RunProgress
     from .design.scenario_values import ScenarioValues
-    from .design.settings import ExchangeSettings, RunSettings
+    from .design.settings import ExchangeMethod, ExchangeSettings, RunSettings
     from .design.sweep import Sweep, sweep
     from .design.swept import SizedDesign
     from .engine.levels import available_isas, isa
@@ -92,6 +93,7 @@ __all__ = [
     "Evaluation",
     "ExactDesign",
     "ExactProgress",
+    "ExchangeMethod",
     "ExchangeSettings",
     "ExperimentRegion",
     "Experiments",
@@ -99,6 +101,7 @@ __all__ = [
     "Fit",
     "GaussHermite",
     "GaussianPrior",
+    "Goal",
     "HydraulicCylinder",
     "Identifiability",
     "Linearized",
@@ -185,7 +188,8 @@ _PLACES = {
     ".design.optimality.approximate_design": ("ApproximateDesign",),
     ".design.optimality.branch_and_bound": ("ExactProgress",),
     ".design.optimality.exact_design": ("ExactDesign",),
-    ".design.optimality.goal": ("criterion",),
+    ".design.optimality.goal": ("Goal",),
+    ".design.optimality.goal_criterion": ("criterion",),
     ".design.optimality.criteria": ("Criterion",),
     ".design.over_prior": ("OverPrior",),
     ".design.pieces.best_pieces": ("best_pieces",),
@@ -197,7 +201,7 @@ _PLACES = {
     ".design.runs.run_design": ("RunDesign",),
     ".design.runs.run_search": ("RunProgress",),
     ".design.scenario_values": ("ScenarioValues",),
-    ".design.settings": ("ExchangeSettings", "RunSettings"),
+    ".design.settings": ("ExchangeMethod", "ExchangeSettings", "RunSettings"),
     ".design.sweep": ("Sweep", "sweep"),
     ".design.swept": ("SizedDesign",),
     ".engine.levels": ("available_isas", "isa"),

@@ -14,9 +14,6 @@ from fisherpoint.information.codec import problem_to_json
 OF_DESIGN = ("output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along")
 """Parts of a problem that the table [design] has."""
 
-OF_RUNS = ("n_starts", "confidence")
-"""Settings that the table [runs] has."""
-
 Difference = tuple[str, Any, Any]
 """A key of the file, what the campaign was started with, and what the file has."""
 
@@ -38,11 +35,20 @@ def differences(given: fp.Campaign, found: fp.Campaign) -> Iterator[Difference]:
     for path, was, now in _changes(there, here):
         if path[0] != "derived":
             yield _key(path, of_runs), was, now
-    for name, now in vars(given.settings).items():
-        was = getattr(found.settings, name)
+    for key, now in _settings(given).items():
+        was = _settings(found)[key]
         if was != now:
-            size = name in ("n_experiments", "n_runs")
-            yield "campaign.batch" if size else f"runs.{name}" if name in OF_RUNS else f"design.{name}", was, now
+            yield key, was, now
+
+
+def _settings(campaign: fp.Campaign) -> dict[str, Any]:
+    """The settings of a campaign by the keys of the file."""
+    settings, goal = vars(campaign.settings), vars(campaign.settings.goal)
+    tables = {"n_experiments": "campaign.batch", "n_runs": "campaign.batch", "n_starts": "runs.n_starts"}
+    found = {tables.get(name, f"design.{name}"): value for name, value in settings.items() if name not in ("goal", "method")}
+    if isinstance(campaign.settings, fp.ExchangeSettings):
+        found |= {f"design.{'method' if name == 'name' else name}": value for name, value in vars(campaign.settings.method).items()}
+    return found | {f"goal.{name}": value for name, value in goal.items()}
 
 
 def _changes(there: Any, here: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:

@@ -91,7 +91,7 @@ def design(
         settings = _with_over(config.run_settings(), over)
         return design_of_runs(config, settings, file, output, size, seed, threads, check, no_plots, force, quiet)
     problem, settings = config.problem(), _with_over(config.exchange_settings(), over)
-    chosen = None if method is None else method.value
+    chosen = None if method is None else replace(settings["method"], name=method.value)
     for name, value in (("n_experiments", size), ("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
         if value is not None:
             settings[name] = value
@@ -112,7 +112,7 @@ def design(
         given = [points_row(f"kept, of {keep}", kept)] if keep is not None else []
         return show_plan(problem, files, [*given, *search_rows(problem, planned)], output)
     assert output is not None
-    if planned.confidence is not None or isinstance(problem.rule, fp.Sobol):
+    if planned.goal.share_of_plants is not None or isinstance(problem.rule, fp.Sobol):
         with importing():
             import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
     with drawers(None if no_plots else "fisherpoint.design.pictures") as drawing:
@@ -148,5 +148,6 @@ def design(
 def _with_over(settings: dict[str, Any], over: Over | None) -> dict[str, Any]:
     if over is None:
         return settings
-    in_file = settings.get("over")
-    return settings | {"over": fp.OverPrior(over.value) if in_file is None else replace(in_file, kind=over.value)}
+    goal: fp.Goal = settings["goal"]
+    in_file = fp.OverPrior(over.value) if goal.over is None else replace(goal.over, kind=over.value)
+    return settings | {"goal": replace(goal, over=in_file)}

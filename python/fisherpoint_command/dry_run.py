@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -62,9 +61,8 @@ def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.Excha
     from fisherpoint.design.settings import check_goal, most_iterations
 
     chosen = {one.name: given[one.name] for one in fields(fp.ExchangeSettings) if one.name in given}
-    method = chosen.get("method", fp.ExchangeSettings.method)
-    chosen["max_iterations"] = most_iterations(chosen.get("max_iterations"), method, problem)
-    settings = fp.ExchangeSettings(**chosen)
+    method = chosen.get("method", fp.ExchangeMethod())
+    settings = fp.ExchangeSettings(**chosen | {"max_iterations": most_iterations(chosen.get("max_iterations"), method, problem)})
     check_goal(settings, problem)
     return settings
 
@@ -77,11 +75,10 @@ def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> lis
     from fisherpoint.design.settings import searched_by
     from fisherpoint.information.output_covariance import needs_covariances
 
-    method = searched_by(settings.method, problem)
-    over = "" if settings.over is None else f", over the prior: {settings.over}"
+    method = searched_by(settings.method.name, problem)
     rows = [
         ("points", str(settings.n_experiments)),
-        ("criterion", f"{settings.criterion}{over}"),
+        _goal_row(settings.goal),
         ("method", f"{method}, at most {counted(settings.max_iterations, 'iteration')}"),
     ]
     m, iterations = settings.n_candidates, settings.max_iterations
@@ -90,25 +87,26 @@ def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> lis
         of_group = min(MOST_POOL, POOL * m) + CLIMB_ROUNDS * PEAKS * m * NEAR_PEAK
         drawn = (GROUPS + MERGED + 0.5) * of_group + iterations * max(NEAR * m, 4 * settings.n_experiments)
     else:
-        drawn = settings.n_experiments + iterations * m * (1 + settings.local)
+        drawn = settings.n_experiments + iterations * m * (1 + settings.method.local)
     nodes = problem.rule.size(problem.prior) if needs_covariances(str(problem.output_covariance)) else 0
     return [*rows, about(drawn * (1 + nodes), "at most, if the search takes all its iterations")]
 
 
 def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
     """How runs would be searched for."""
-    from fisherpoint.design.runs.design_runs import design_runs
-
-    defaults = {name: one.default for name, one in signature(design_runs).parameters.items()}
-    settings = fp.RunSettings(**{one.name: given.get(one.name, defaults[one.name]) for one in fields(fp.RunSettings)})
+    settings = fp.RunSettings(**{one.name: given[one.name] for one in fields(fp.RunSettings) if one.name in given})
     n = problem.run_region.segments
-    over = "" if settings.over is None else f", over the prior: {settings.over}"
     return [
-        ("criterion", f"{settings.criterion}{over}"),
+        _goal_row(settings.goal),
         ("runs", f"{settings.n_runs} of {counted(n, 'segment')}"),
         ("method", f"{counted(settings.n_starts, 'start')} from a pool of {counted(settings.n_candidates, 'random run')}"),
         about(settings.n_candidates * n, "segments of the pool; ascents take as many again and more"),
     ]
+
+
+def _goal_row(goal: fp.Goal) -> Row:
+    over = "" if goal.over is None else f", over the prior: {goal.over}"
+    return "criterion", f"{goal.criterion}{over}"
 
 
 def points_row(name: str, points: fp.Experiments | fp.Runs) -> Row:

@@ -18,12 +18,6 @@ from .standard_input import one_from_standard_input
 MOST_SIZES = 1000
 """Most sizes of one sweep."""
 
-SETTINGS = (
-    *("n_candidates", "max_iterations", "seed", "time_limit", "method", "singular"),
-    *("over", "criterion", "of", "conditions", "scale", "prior_information"),
-)
-"""Keys of [design] that hold for every size."""
-
 
 def sweep(
     file: Annotated[
@@ -76,7 +70,7 @@ def sweep(
         raise ConfigError(f"--budget: expected a cost of at least 0, given {budget:g}")
     if budget is not None and cost is None:
         raise config.error("cost", "missing; expected a table [cost] with --budget")
-    settings = {name: value for name, value in config.exchange_settings().items() if name in SETTINGS}
+    settings = {name: value for name, value in config.exchange_settings().items() if name != "n_experiments"}
     if seed is not None:
         settings["seed"] = seed
     counts = _sizes(sizes)

@@ -149,29 +149,30 @@ case("broken limits", fp.broken_limits, tanks(), tank_points(), tanks().nominal)
 
 # --- designs --------------------------------------------------------------------------------------------------------------
 
-CRITERIA: dict[str, dict[str, Any]] = {
-    "A": {}, "E": {}, "ME": {}, "Ds": {"of": ["k1"]}, "c": {"of": "k1 / k2"}, "I": {"of": "y", "conditions": tank_points()[:3]},
-}  # fmt: skip
+GOALS = [
+    fp.Goal("A"), fp.Goal("E"), fp.Goal("ME"), fp.Goal("Ds", of=["k1"]), fp.Goal("c", of="k1 / k2"),
+    fp.Goal("I", of="y", conditions=tank_points()[:3]),
+]  # fmt: skip
 OVER = {kind: fp.OverPrior(kind, scenarios=fp.Sobol(4)) for kind in ("log", "worst", "cvar")}
 DRAWN: dict[str, Any] = {"n_starts": 1, "n_candidates": 30}
 
 case("exchange, auto, crossed", fp.exchange, cylinder(), 12, **SMALL)
 case("exchange, auto, excluded", fp.exchange, cylinder(jumps="exclude"), 12, **SMALL)
 case("exchange, paper", fp.exchange, cylinder(), 12, method="paper", **SMALL)
-for criterion, options in CRITERIA.items():
-    case(f"exchange, {criterion}", fp.exchange, tank_problem(), 4, criterion=criterion, **options, **SMALL)
+for goal in GOALS:
+    case(f"exchange, {goal.criterion}", fp.exchange, tank_problem(), 4, goal=goal, **SMALL)
 for kind, over in OVER.items():
-    case(f"exchange over the prior, {kind}", fp.exchange, tank_problem(), 3, over=over, **SMALL)
-    case(f"approximate over the prior, {kind}", fp.approximate, tank_problem(), tank_points(), over=over)
+    case(f"exchange over the prior, {kind}", fp.exchange, tank_problem(), 3, goal=fp.Goal(over=over), **SMALL)
+    case(f"approximate over the prior, {kind}", fp.approximate, tank_problem(), tank_points(), goal=fp.Goal(over=over))
 case("exchange, one point", fp.exchange, tank_problem(), 1, **SMALL)
-case("exchange, with the prior", fp.exchange, tank_problem(), 3, prior_information=True, **SMALL)
-case("exchange, confidence", fp.exchange, BELOW, 3, confidence=0.9, **SMALL)
+case("exchange, with the prior", fp.exchange, tank_problem(), 3, goal=fp.Goal(prior_information=True), **SMALL)
+case("exchange, confidence", fp.exchange, BELOW, 3, goal=fp.Goal(confidence=0.9), **SMALL)
 case("exchange, kept and previous", fp.exchange, tank_problem(), 5, keep=tank_points()[:2], previous=tank_points()[2:5], **SMALL)
 case("exchange, what is assumed", fp.exchange, ASSUMED, 4, **SMALL)
 case("sweep", fp.sweep, tank_problem(), (2, 3, 4), cost=fp.Cost(per_experiment=1.0, per_change={"u": 2.0}), **SMALL)
 case("approximate", fp.approximate, tank_problem(), tank_points())
 case("approximate, of ascents", fp.approximate, line(), n_candidates=50, starts=5, tolerance=1e-3)
-case("approximate, E", fp.approximate, tank_problem(), tank_points(), criterion="E")
+case("approximate, E", fp.approximate, tank_problem(), tank_points(), goal="E")
 case("exact", fp.exact, tank_problem(), tank_points(), 4)
 case("design of runs", fp.design_runs, tank_runs(), 2, **DRAWN)
 case("design of runs within a limit", fp.design_runs, tank_runs(along=["a < 1.3"]), **DRAWN)

@@ -207,8 +207,10 @@ MISTAKES: dict[str, Mistake] = {
     "parameter to estimate": enzyme(
         "[design]", '[design]\nparameters = ["V", "k"]', "design.parameters: expected names from V, K", 'given "k"'
     ),
-    "scenarios of nothing": enzyme("[design]", "[design]\nscenarios = 8", "design.scenarios: expected only with over, given 8"),
-    "six scenarios": enzyme("[design]", '[design]\nover = "log"\nscenarios = 6', "design.scenarios: expected a power of two"),
+    "scenarios of nothing": enzyme(
+        "[design]", "[goal]\nscenarios = 8\n[design]", "goal.scenarios: expected only with over, given 8"
+    ),
+    "six scenarios": enzyme("[design]", '[goal]\nover = "log"\nscenarios = 6\n[design]', "goal.scenarios: expected a power of two"),
     "tolerance": enzyme("[design]", "[design]\nrtol = 2.0", "design.rtol: expected a number <= 0.1, given 2.0"),
     "rule": enzyme(
         "[design]", '[rule]\nkind = "grid"\n\n[design]', 'rule.kind: expected "tensor_grid", "gauss_hermite"', 'given "grid"'

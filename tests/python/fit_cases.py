@@ -25,7 +25,9 @@ def decay(n: int = 12, noise: float = 0.2, seed: int = 0) -> tuple[Any, fp.Measu
 def cylinder(T_1: float = 2.2e-3) -> tuple[fp.DesignProblem, fp.Measurements]:
     """Twelve points of the default cylinder, measured; the model that is fitted has the given T_1."""
     problem = load_config(EXAMPLES / "cylinder.toml").problem()
-    design = fp.exchange(problem, n_experiments=12, n_candidates=30, max_iterations=5, seed=1, references=False)
+    design = fp.exchange(
+        problem, n_experiments=12, n_candidates=30, max_iterations=5, seed=1, method=fp.ExchangeMethod(references=False)
+    )
     data = fp.VirtualRig(problem.model, dict(problem.prior.mean), problem.noise_std, seed=2).measure(design.points)
     model = fp.HydraulicCylinder(T_1=T_1)
     return fp.DesignProblem(model, problem.prior, None, noise_std=problem.noise_std), data

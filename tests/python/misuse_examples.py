@@ -83,7 +83,7 @@ def fit() -> fp.Fit:
 
 @cache
 def design() -> fp.Design:
-    return fp.exchange(problem(), n_experiments=3, n_candidates=2, max_iterations=1, references=False)
+    return fp.exchange(problem(), n_experiments=3, n_candidates=2, max_iterations=1, method=fp.ExchangeMethod(references=False))
 
 
 def campaign() -> fp.Campaign:

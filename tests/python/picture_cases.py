@@ -124,7 +124,7 @@ def static_points() -> Figure:
 
 
 def criterion() -> Figure:
-    found = fp.exchange(static(), 4, n_candidates=5, max_iterations=6, method="paper", references=False)
+    found = fp.exchange(static(), 4, n_candidates=5, max_iterations=6, method=fp.ExchangeMethod("paper", references=False))
     return found.plot("criterion")
 
 

@@ -60,8 +60,10 @@ def saved_cases() -> dict[str, Saved]:
     small: dict[str, Any] = {"n_candidates": 5, "max_iterations": 2}
     one = problem()
     assumed = problem(uncertain={"c": 0.1}, initial_state_std={"a": 0.01}, along=["a >= 0"])
-    design = fp.exchange(one, n_experiments=4, **small, references=True)
-    over = fp.exchange(problem(rule=fp.Linearized()), n_experiments=3, over=fp.OverPrior("log", scenarios=fp.Sobol(4)), **small)
+    design = fp.exchange(one, n_experiments=4, **small, method=fp.ExchangeMethod(references=True))
+    over = fp.exchange(
+        problem(rule=fp.Linearized()), n_experiments=3, goal=fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(4))), **small
+    )
     points = design.points
     singular = fp.exchange(problem(noise_std={"y": 0.01, "z": 1e9}), n_experiments=1, **small)
     rig = fp.VirtualRig(one.model, one.prior.mean, {"y": 0.01, "z": 0.02}, seed=1)
@@ -101,14 +103,16 @@ def saved_cases() -> dict[str, Saved]:
         "design over the prior": directory(over, "design.json"),
         "singular design": directory(singular, "design.json"),
         "design of what is assumed": directory(fp.exchange(assumed, n_experiments=3, **small), "design.json"),
-        "design of a function": directory(fp.exchange(one, n_experiments=3, criterion="c", of="k1 / k2", **small), "design.json"),
+        "design of a function": directory(
+            fp.exchange(one, n_experiments=3, goal=fp.Goal("c", of="k1 / k2"), **small), "design.json"
+        ),
         "design of predictions": directory(
-            fp.exchange(one, n_experiments=3, criterion="I", of="y", conditions=points[:2], **small), "design.json"
+            fp.exchange(one, n_experiments=3, goal=fp.Goal("I", of="y", conditions=points[:2]), **small), "design.json"
         ),
         "design of scaled errors": directory(
-            fp.exchange(one, n_experiments=3, criterion="A", scale={"k1": 1.0, "k2": 2.0}, **small), "design.json"
+            fp.exchange(one, n_experiments=3, goal=fp.Goal("A", scale={"k1": 1.0, "k2": 2.0}), **small), "design.json"
         ),
-        "robust design": directory(fp.exchange(one, n_experiments=3, confidence=0.9, **small), "design.json"),
+        "robust design": directory(fp.exchange(one, n_experiments=3, goal=fp.Goal(confidence=0.9), **small), "design.json"),
         "fit": directory(fits[0], "fit.json"),
         "fit of a record": directory(fits[1], "fit.json"),
         "fit of runs": directory(fits[2], "fit.json"),
@@ -116,7 +120,9 @@ def saved_cases() -> dict[str, Saved]:
         "runs": Saved(runs, runs.save, fp.RunDesign.load, "design.json"),
         "sweep": file(fp.sweep(one, (2, 3), cost=fp.Cost(per_experiment=1.0, per_change={"u": 2.0}), **small)),
         "approximate": file(fp.approximate(one, candidates)),
-        "approximate over the prior": file(fp.approximate(one, candidates, over=fp.OverPrior("log", scenarios=fp.Sobol(4)))),
+        "approximate over the prior": file(
+            fp.approximate(one, candidates, goal=fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(4))))
+        ),
         "exact": file(fp.exact(one, candidates, 3)),
         "comparison": file(fp.compare(one, {"points": design, "other": points}, draws=20)),
         "rules": file(fp.compare_rules(one, points[:2], rules=[fp.GaussHermite(2), fp.TensorGrid(2)])),

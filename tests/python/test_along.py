@@ -167,7 +167,12 @@ def test_a_search_finds_points_within_the_limits() -> None:
         swing(), fp.GaussianPrior({"a": 0.8}, {"a": 0.1}), region, noise_std={"x": 0.01}, along=["abs(v) < 0.9"],
         initial_state_std={"v": 0.01},
     )  # fmt: skip
-    settings: dict[str, Any] = {"n_experiments": 4, "n_candidates": 20, "max_iterations": 10, "references": False}
+    settings: dict[str, Any] = {
+        "n_experiments": 4,
+        "n_candidates": 20,
+        "max_iterations": 10,
+        "method": fp.ExchangeMethod(references=False),
+    }
     design, free = (fp.exchange(one, **settings) for one in (problem, problem.replace(along=None)))
 
     def fastest(points: fp.Experiments) -> float:

@@ -83,7 +83,7 @@ def test_the_exponential_decay_is_measured_at_once_and_after_a_time_constant() -
 def test_known_c_optimal_designs_are_found(of: str, support: Sequence[float], weights: Sequence[float], variance: float) -> None:
     """At the second times that Atkinson et al. (1993) print, 17.6322 and 3.5671, two points do not quite determine the function."""
     for seed in (0, 1):
-        design = fp.approximate(COMPARTMENT, criterion="c", of=of, n_candidates=1000, seed=seed)
+        design = fp.approximate(COMPARTMENT, goal=fp.Goal("c", of=of), n_candidates=1000, seed=seed)
         order = np.argsort(design.points.u[:, 0])
         np.testing.assert_allclose(design.points.u[order, 0], support, atol=1e-3)
         np.testing.assert_allclose(design.weights[order], weights, atol=1e-3)
@@ -145,15 +145,14 @@ def _enumerated(n: int) -> fp.Experiments:
 
 
 @pytest.mark.parametrize(
-    ("criterion", "options"),
-    [("A", {}), ("E", {}), ("Ds", {"of": ("p3", "p4")}), ("I", {"of": "y", "conditions": inputs([(0.5, 0.5), (-0.5, 1.0)])})],
+    "goal", ["A", "E", fp.Goal("Ds", of=("p3", "p4")), fp.Goal("I", of="y", conditions=inputs([(0.5, 0.5), (-0.5, 1.0)]))]
 )
-def test_other_criteria_have_certificates(criterion: str, options: dict[str, Any]) -> None:
-    design = fp.approximate(QUADRATIC, inputs(GRID), criterion=criterion, **options)
+def test_other_criteria_have_certificates(goal: str | fp.Goal) -> None:
+    design = fp.approximate(QUADRATIC, inputs(GRID), goal=goal)
     assert 0.9999 < design.efficiency <= 1
     every = design.sensitivity(inputs(GRID))
     assert every.max() <= design.level * (1 + 1e-4)
-    one = fp.criterion(QUADRATIC, criterion, **options)
+    one = fp.criterion(QUADRATIC, goal)
     assert one.value(design.information) == pytest.approx(design.value)
     others = fp.approximate(QUADRATIC, inputs(GRID))
     assert one.efficiency(others.information, design.information) <= 1 + 1e-4
@@ -161,7 +160,7 @@ def test_other_criteria_have_certificates(criterion: str, options: dict[str, Any
 
 def test_the_prior_counts_more_where_less_is_measured() -> None:
     problem = QUADRATIC.replace(noise_std={"y": 3.0})
-    few, many = (fp.approximate(problem, inputs(GRID), prior_information=True, n_experiments=n) for n in (2, 10**6))
+    few, many = (fp.approximate(problem, inputs(GRID), goal=fp.Goal(prior_information=True), n_experiments=n) for n in (2, 10**6))
     without = fp.approximate(problem, inputs(GRID))
     np.testing.assert_allclose(np.sort(many.weights), np.sort(without.weights), atol=1e-3)
     assert few.efficiency > 1 - 1e-5
@@ -169,7 +168,7 @@ def test_the_prior_counts_more_where_less_is_measured() -> None:
     constant = few.information - _mean_information(few)
     np.testing.assert_allclose(constant, np.eye(6) / 2, atol=1e-12)
     with pytest.raises(ValueError, match=r"^n_experiments: expected how many"):
-        fp.approximate(problem, inputs(GRID), prior_information=True)
+        fp.approximate(problem, inputs(GRID), goal=fp.Goal(prior_information=True))
 
 
 def _mean_information(design: fp.ApproximateDesign) -> Any:
@@ -183,9 +182,9 @@ def test_what_cannot_be_estimated_is_named() -> None:
     (null,) = design.null_directions
     assert null["a"] * 2.0 + null["b"] * 1.0 == pytest.approx(0, abs=1e-6) and "K" not in null
     assert "undetermined" in str(design) and len(design.points) == 2
-    assert fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)), criterion="c", of="a*b").efficiency > 0.999
+    assert fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)), goal=fp.Goal("c", of="a*b")).efficiency > 0.999
     with pytest.raises(ValueError, match=r"^candidates: expected some that determine criterion"):
-        fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)), criterion="c", of="a")
+        fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)), goal=fp.Goal("c", of="a"))
     one = fp.approximate(MICHAELIS, inputs([1.0]))
     assert len(one.null_directions) == 1 and one.weights == pytest.approx([1.0])
 
@@ -198,14 +197,14 @@ def test_constraints_hold_and_the_support_lies_on_them() -> None:
 
 def test_misuse_is_told() -> None:
     grid = inputs([0.5, 1.0, 5.0])
-    with pytest.raises(ValueError, match=r"^criterion: expected one with a concave form, given 'ME'"):
-        fp.approximate(MICHAELIS, grid, criterion="ME")
+    with pytest.raises(ValueError, match=r"^goal: expected one without criterion 'ME' for fisherpoint\.approximate"):
+        fp.approximate(MICHAELIS, grid, goal="ME")
     with pytest.raises(ValueError, match=r"^output_covariance: expected 'noise'"):
         fp.approximate(MICHAELIS.replace(output_covariance="pooled"), grid)
     with pytest.raises(ValueError, match=r"^of: expected names of parameters"):
-        fp.approximate(MICHAELIS, grid, criterion="Ds")
+        fp.approximate(MICHAELIS, grid, goal="Ds")
     with pytest.raises(ValueError, match=r"^scale: expected none for criterion 'D'"):
-        fp.approximate(MICHAELIS, grid, scale={"V": 1.0, "K": 1.0})
+        fp.approximate(MICHAELIS, grid, goal=fp.Goal(scale={"V": 1.0, "K": 1.0}))
     with pytest.raises(ValueError, match=r"^region: expected an ExperimentRegion for points, given"):
         fp.approximate(MICHAELIS.replace(region=None))
 

@@ -13,9 +13,11 @@ import fisherpoint as fp
 from fisherpoint.design.average import Average
 from fisherpoint.design.optimality.averaged import Averaged, EstimableOver, joined
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Criterion, Determinant, Variance
+from fisherpoint.design.optimality.criteria import Criterion
+from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.estimable import estimable
 from fisherpoint.design.optimality.inner import mean_of
+from fisherpoint.design.optimality.variance import Variance
 from fisherpoint.design.optimality.weights import optimal_weights
 from test_over_prior import KINDS, average_of
 
@@ -161,9 +163,9 @@ GRID = fp.Experiments(np.zeros((56, 0)), np.linspace(0.02, 1.1, 56)[:, None])
 def test_no_exact_design_is_better_and_the_proofs_agree(kind: str) -> None:
     """The bound of an exact design comes from another algorithm, the multiplicative one."""
     over = fp.OverPrior(kind, scenarios=[{}, {"K": 0.04}, {"K": 0.2}, {"V": 400.0}], share=0.5)
-    for options in ({}, {"criterion": "c", "of": "V / K"})[: 1 + (kind == "log")]:
-        design = fp.approximate(PROBLEM, over=over, n_candidates=300, starts=100, **options)
-        exact = fp.exchange(PROBLEM, 10, over=over, n_candidates=20, **options)
+    for goal in (fp.Goal(over=over), fp.Goal("c", of="V / K", over=over))[: 1 + (kind == "log")]:
+        design = fp.approximate(PROBLEM, goal=goal, n_candidates=300, starts=100)
+        exact = fp.exchange(PROBLEM, 10, goal=goal, n_candidates=20)
         assert design.efficiency > 1 - 1e-5 and design.starts >= 100
         assert 0.98 < design.efficiency_of(exact) <= 1.0
         assert exact.scenarios is not None and exact.efficiency is not None
@@ -176,22 +178,22 @@ def test_no_exact_design_is_better_and_the_proofs_agree(kind: str) -> None:
 def test_the_certificate_fails_where_weights_are_not_the_best() -> None:
     """The sensitivity function of the design for the mean exceeds its level over the scenarios."""
     over = fp.OverPrior("log", scenarios=[{"K": 0.02}, {"K": 0.3}])
-    mean, robust = fp.approximate(PROBLEM, GRID), fp.approximate(PROBLEM, GRID, over=over)
+    mean, robust = fp.approximate(PROBLEM, GRID), fp.approximate(PROBLEM, GRID, goal=fp.Goal(over=over))
     exact = mean.rounded(2)
     assert robust.efficiency_of(exact) < 0.95
-    assert fp.approximate(PROBLEM, exact, over=over).sensitivity(GRID).max() > 2 * 1.1
+    assert fp.approximate(PROBLEM, exact, goal=fp.Goal(over=over)).sensitivity(GRID).max() > 2 * 1.1
     assert robust.sensitivity(GRID).max() <= 2 * (1 + 1e-5)
 
 
 def test_one_scenario_at_the_mean_is_the_design_without() -> None:
-    one, usual = (fp.approximate(PROBLEM, GRID, over=over) for over in (fp.OverPrior("worst", scenarios=[{}]), None))
+    one, usual = (fp.approximate(PROBLEM, GRID, goal=fp.Goal(over=over)) for over in (fp.OverPrior("worst", scenarios=[{}]), None))
     assert one.value == pytest.approx(usual.value, abs=1e-6)
     assert np.array_equal(one.points.u, usual.points.u) and one.weights == pytest.approx(usual.weights, abs=1e-4)
 
 
 def test_the_prior_counts_in_every_scenario() -> None:
     over = fp.OverPrior("log", scenarios=[{}, {"K": 0.2}])
-    design = fp.approximate(PROBLEM, GRID[:3], over=over, prior_information=True, n_experiments=2)
+    design = fp.approximate(PROBLEM, GRID[:3], goal=fp.Goal(over=over, prior_information=True), n_experiments=2)
     for matrix, changed in zip(design.information, ({}, {"K": 0.2}), strict=True):
         there = PROBLEM.replace(prior=fp.GaussianPrior(dict(PROBLEM.prior.mean) | changed, dict(PROBLEM.prior.std)))
         each = [fp.evaluate_design(there, design.points[[k]]).information for k in range(len(design.points))]
@@ -201,23 +203,25 @@ def test_the_prior_counts_in_every_scenario() -> None:
 
 
 def test_files_and_reports(tmp_path: Path) -> None:
-    design = fp.approximate(PROBLEM, GRID, over=fp.OverPrior("cvar", scenarios=[{}, {"K": 0.2}], share=0.5), criterion="A")
+    design = fp.approximate(PROBLEM, GRID, goal=fp.Goal("A", over=fp.OverPrior("cvar", scenarios=[{}, {"K": 0.2}], share=0.5)))
     design.save(tmp_path / "design.json")
     loaded = fp.ApproximateDesign.load(tmp_path / "design.json")
-    assert loaded.over == design.over and loaded.scenario_values == design.scenario_values
+    assert loaded.goal == design.goal and loaded.scenario_values == design.scenario_values
     assert str(loaded.report()) == str(design.report())
     assert np.array_equal(loaded.sensitivity(GRID), design.sensitivity(GRID))
     assert "the mean -log(trace of F^-1) of the worst 50 % over 2 scenarios" in str(design.report())
 
 
 def test_mistakes() -> None:
-    for over, options, expected in (
-        ("log", {}, "over: expected OverPrior, given str"),
-        (fp.OverPrior("log"), {"criterion": "E"}, "criterion: expected .* with over, given 'E'"),
-        (fp.OverPrior("log", scenarios=fp.Sobol(256)), {}, "over: expected at most 160 scenarios of 2 parameters, given 256"),
+    for goal, expected in (
+        (fp.Goal("E", over=fp.OverPrior("log")), "goal: expected one without criterion 'E' with over for fisherpoint.approximate"),
+        (
+            fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(256))),
+            "over: expected at most 160 scenarios of 2 .*, given 256",
+        ),
     ):
-        with pytest.raises((TypeError, ValueError), match=expected):
-            fp.approximate(PROBLEM, GRID, over=over, **options)  # type: ignore[arg-type]
+        with pytest.raises(ValueError, match=expected):
+            fp.approximate(PROBLEM, GRID, goal=goal)
 
 
 def test_blocks_are_joined() -> None:

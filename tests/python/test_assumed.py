@@ -18,7 +18,7 @@ THETA = MODEL.theta(MODEL.nominal)
 POINTS = valid_points(12, seed=3, jumps="exclude")
 UNCERTAIN = {"T_1": 2.2e-4, "A_A": 2e-6, "p_s": 1e5}
 STARTS = {"q": 1e-5, "v": 2e-3, "p_A": 3e4}
-QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 10, "max_iterations": 6, "references": False}
+QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 10, "max_iterations": 6, "method": fp.ExchangeMethod(references=False)}
 TIGHT = 1e-11
 
 
@@ -173,7 +173,10 @@ def test_what_is_uncertain_makes_no_point_better() -> None:
 def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
     """What docs/how_to/assumptions.md states of T_1, with a shorter search."""
     exact, stated = (problem(varies=of, rule=fp.SparseGaussHermite(2)) for of in (None, {"T_1": 2.2e-4}))
-    blind, aware = (fp.exchange(of, 12, n_candidates=50, max_iterations=80, references=False).points for of in (exact, stated))
+    blind, aware = (
+        fp.exchange(of, 12, n_candidates=50, max_iterations=80, method=fp.ExchangeMethod(references=False)).points
+        for of in (exact, stated)
+    )
     log_dets = {
         name: [fp.evaluate_design(of, points).log_det for of in (exact, stated)]
         for name, points in {"blind": blind, "aware": aware}.items()
@@ -282,7 +285,7 @@ def test_distances_count_in_standard_deviations_of_the_surface() -> None:
 
 def test_candidates_near_a_jump_are_rejected_and_counted() -> None:
     given = problem(initial_state_std={"v": 0.02})
-    design = fp.exchange(given, 9, n_candidates=20, max_iterations=30, references=False)
+    design = fp.exchange(given, 9, n_candidates=20, max_iterations=30, method=fp.ExchangeMethod(references=False))
     assert np.abs(design.points.x0[:, 1]).min() >= MARGIN * 0.02
     assert design.rejected["starts near v = 0"] > 0
     assert design.drawn == design.accepted + sum(design.rejected.values())

@@ -213,7 +213,7 @@ def test_the_exchange_finds_the_same_design(quiet: None, equations: fp.SymbolicM
         problem = fp.DesignProblem(
             model, PRIOR, REGION, noise_std={"y": 0.01}, rule=fp.Linearized(), output_covariance=kind, rtol=1e-8
         )
-        return fp.exchange(problem, 5, n_candidates=5, max_iterations=3, references=False, method="paper")
+        return fp.exchange(problem, 5, n_candidates=5, max_iterations=3, method=fp.ExchangeMethod("paper", references=False))
 
     found, expected = design(tanks()), design(equations)
     np.testing.assert_allclose(found.points.table, expected.points.table, rtol=1e-12)
@@ -334,7 +334,10 @@ def test_misuse_is_named(changes: dict[str, Any], message: str) -> None:
 def test_the_search_of_functions_is_that_of_the_paper(quiet: None) -> None:
     """That of "auto" would take hundreds of thousands of trajectories."""
     problem = fp.DesignProblem(tanks(), PRIOR, REGION, noise_std={"y": 0.01}, rule=fp.Linearized())
-    auto, paper = (fp.exchange(problem, 5, n_candidates=5, max_iterations=2, references=False, method=m) for m in ("auto", "paper"))
+    auto, paper = (
+        fp.exchange(problem, 5, n_candidates=5, max_iterations=2, method=fp.ExchangeMethod(m, references=False))
+        for m in ("auto", "paper")
+    )
     np.testing.assert_array_equal(auto.points.table, paper.points.table)
 
 

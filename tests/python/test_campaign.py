@@ -80,9 +80,9 @@ def test_a_batch_is_designed_at_the_estimate_with_what_is_known(problem: fp.Desi
     points = campaign.next()
     at_estimate = problem.replace(prior=campaign.fit.posterior())
     seed = int(np.random.SeedSequence([2, 1]).generate_state(1)[0])
-    design = fp.exchange(at_estimate, 4, seed=seed, previous=campaign.data, references=False, **QUICK)
+    design = fp.exchange(at_estimate, 4, seed=seed, previous=campaign.data, method=fp.ExchangeMethod(references=False), **QUICK)
     assert points == design.points
-    alone = fp.exchange(at_estimate, 4, seed=seed, references=False, **QUICK)
+    alone = fp.exchange(at_estimate, 4, seed=seed, method=fp.ExchangeMethod(references=False), **QUICK)
     assert points != alone.points
 
 
@@ -117,7 +117,7 @@ def test_batches_smaller_than_the_number_of_parameters_work(kinetics: fp.DesignP
 
 
 def test_data_may_come_without_a_design_and_with_gaps(problem: fp.DesignProblem) -> None:
-    points = fp.exchange(problem, 5, seed=9, references=False, **QUICK).points
+    points = fp.exchange(problem, 5, seed=9, method=fp.ExchangeMethod(references=False), **QUICK).points
     whole = rig(problem, 1).measure(points)
     y = whole.y.copy()
     y[0] = np.nan  # a point of which nothing was measured
@@ -153,7 +153,11 @@ def test_only_chosen_parameters_are_estimated(problem: fp.DesignProblem) -> None
         ({"targets": {"c_M": 0.1}}, ValueError, "targets: expected names of a_tau, .* given unknown 'c_M'"),
         ({"targets": 0.0}, ValueError, r"targets\['a_tau'\]: expected a positive share"),
         ({"targets": "small"}, ValueError, r"targets\['a_tau'\]: expected numbers"),
-        ({"time_limit": 1.0}, TypeError, "settings: expected names of n_candidates, .* given 'time_limit'"),
+        (
+            {"time_limit": 1.0},
+            TypeError,
+            "settings: expected names of goal, method, .* given 'time_limit'",
+        ),
         ({"n_candidates": 0}, ValueError, "n_candidates: expected"),
         ({"n_candidates": 10**9}, ValueError, "n_candidates: expected a whole number of at most 1000000, given 1000000000"),
         ({"batch": 10**9}, ValueError, "n_experiments: expected a whole number of at most 1000000, given 1000000000"),

@@ -68,12 +68,16 @@ def test_a_campaign_comes_to_its_targets_and_to_the_truth() -> None:
 
 
 def test_a_batch_is_designed_at_the_estimate_with_what_is_known() -> None:
-    campaign = run(fp.Campaign(level(), 2, seed=2, confidence=None, **QUICK), 1)
+    campaign = run(fp.Campaign(level(), 2, seed=2, goal=fp.Goal(confidence=0.0), **QUICK), 1)
     assert campaign.fit is not None and campaign.batch == 2
     runs = campaign.next()
     assert isinstance(runs, fp.Runs) and len(runs) == 2 and campaign.next() is runs and campaign.planned is runs
     at_estimate = level().replace(prior=campaign.fit.posterior())
-    given: dict[str, Any] = {"seed": int(np.random.SeedSequence([2, 1]).generate_state(1)[0]), "confidence": None, **QUICK}
+    given: dict[str, Any] = {
+        "seed": int(np.random.SeedSequence([2, 1]).generate_state(1)[0]),
+        "goal": fp.Goal(confidence=0.0),
+        **QUICK,
+    }
     assert runs == fp.design_runs(at_estimate, 2, previous=campaign.data, **given).runs
     assert runs != fp.design_runs(at_estimate, 2, **given).runs
     assert runs != fp.design_runs(level(), 2, previous=campaign.data, **given).runs
@@ -130,7 +134,7 @@ def test_a_batch_that_many_plants_cannot_run_is_told() -> None:
         UserWarning, match=r"confidence: expected a batch that 99\.0 % of the plants can run, found one that \d\d\.\d % can"
     ):
         campaign.next()
-    assert len(fp.Campaign(problem, confidence=None, **QUICK).next()) == 1
+    assert len(fp.Campaign(problem, goal=fp.Goal(confidence=0.0), **QUICK).next()) == 1
 
 
 # --- Misuse --------------------------------------------------------------------------------------------------------------
@@ -139,11 +143,12 @@ def test_a_batch_that_many_plants_cannot_run_is_told() -> None:
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"time_limit": 1.0}, TypeError, "settings: expected names of n_starts, n_candidates, .* given 'time_limit'"),
-        ({"max_iterations": 5}, TypeError, "settings: expected names of n_starts, .* given 'max_iterations'"),
-        ({"n_runs": 2}, TypeError, "settings: expected names of n_starts, .* given 'n_runs'"),
+        ({"time_limit": 1.0}, TypeError, "settings: expected names of goal, n_starts, n_candidates; given 'time_limit'"),
+        ({"max_iterations": 5}, TypeError, "settings: expected names of goal, n_starts, n_candidates; given 'max_iterations'"),
+        ({"n_runs": 2}, TypeError, "settings: expected names of goal, n_starts, n_candidates; given 'n_runs'"),
         ({"n_starts": 0}, ValueError, "n_starts: expected a whole number of at least 1, given 0"),
-        ({"confidence": 1.0}, ValueError, "confidence: expected a probability between 0 and 1, given 1"),
+        ({"goal": "B"}, ValueError, "criterion: expected 'D', "),
+        ({"confidence": 0.9}, TypeError, "settings: expected names of goal, n_starts, n_candidates; given 'confidence'"),
         ({"batch": 0}, ValueError, "batch: expected a whole number of at least 1, given 0"),
         ({"batch": 10**6}, ValueError, "n_runs: expected a whole number of at most 1000, given 1000000"),
     ],

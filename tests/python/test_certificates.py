@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 import fisherpoint as fp
 from fisherpoint.design.optimality import continuous
-from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.eigenvalue_criteria import SmallestEigenvalue
 from fisherpoint.design.optimality.estimable import estimable
 from fisherpoint.design.optimality.weights import optimal_weights
@@ -22,7 +21,7 @@ from fisherpoint.design.points.candidate_archive import CandidateArchive
 from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.evaluation import evaluate_information
-from fisherpoint.information.output_covariance import criterion
+from fisherpoint.information.output_covariance import output_covariance
 from fisherpoint.information.point_information import PointInformation
 from test_optimality import CONVEX, P, criteria, mixture, of_random_rows
 from test_over_prior import KINDS, average_of, log_det
@@ -189,12 +188,12 @@ def test_no_efficiency_of_a_search_exceeds_one(
     drawn: tuple[fp.DesignProblem, np.random.Generator], name: str, size: int, previous: bool, kind: str | None
 ) -> None:
     given, rng = drawn
-    options: dict[str, Any] = {"n_candidates": 4, "max_iterations": 6, "criterion": name}
+    options: dict[str, Any] = {"n_candidates": 4, "max_iterations": 6, "goal": fp.Goal(name)}
     if previous:
         options["previous"] = points_of(given, 3, rng)
     if kind is not None:
         scenarios = [{}, {given.estimated[0]: given.prior.mean[given.estimated[0]] * 1.2}]
-        options["over"] = fp.OverPrior(kind, scenarios=scenarios)  # type: ignore[arg-type]
+        options["goal"] = fp.Goal(name, over=fp.OverPrior(kind, scenarios=scenarios))  # type: ignore[arg-type]
     design = fp.exchange(given, size, **options)
     efficiency = design.efficiency
     assert efficiency is not None
@@ -214,13 +213,13 @@ def test_no_random_design_of_the_candidates_exceeds_their_bound(
     source = CandidateSource(given, rng, 1)
     pool, previous = source.draw(30), source.draw(n_previous) if n_previous else None
     everything = evaluated(given, pool if previous is None else PointInformation.join([previous, pool]))
-    whole = aim_of(Determinant("D", np.eye(len(given.estimated)), True))
-    aim = whole
+    whole = Determinant("D", np.eye(len(given.estimated)), True)
+    criterion = whole
     if everything.null_directions:
         nulls = np.array([[null.get(name, 0.0) for name in given.estimated] for null in everything.null_directions]).T
         span = np.linalg.qr(nulls, mode="complete")[0][:, nulls.shape[1] :]
-        aim = aim_of(Determinant("D", span, True))
-    seen = CandidateArchive(given, 1, [aim])
+        criterion = Determinant("D", span, True)
+    seen = CandidateArchive(given, 1, [criterion])
     seen.add(pool)
     found = seen.bound(pool[rng.integers(30, size=size)], previous)
     assert found is not None
@@ -232,7 +231,7 @@ def test_no_random_design_of_the_candidates_exceeds_their_bound(
 
 
 def evaluated(given: fp.DesignProblem, information: PointInformation) -> fp.Evaluation:
-    return evaluate_information(given, information, criterion(given, information, 1), 1)
+    return evaluate_information(given, information, output_covariance(given, information, 1), 1)
 
 
 @examples(max_examples=15, deadline=None)
@@ -242,7 +241,7 @@ def test_no_efficiency_against_the_best_weights_exceeds_one(
 ) -> None:
     given, rng = drawn
     candidates = points_of(given, count, rng)
-    best = fp.approximate(given, candidates, criterion=name, tolerance=1e-4)
+    best = fp.approximate(given, candidates, goal=name, tolerance=1e-4)
     assert 0 < best.efficiency <= 1 and best.largest > 1 - 1e-3
     assert best.sensitivity(candidates).max() <= best.level * (best.largest + 1e-9)
     for _ in range(RANDOM_DESIGNS):

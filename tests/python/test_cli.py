@@ -115,7 +115,7 @@ def test_options_override_the_file(run: Any, file: Path, tmp_path: Path) -> None
         assert names(tmp_path / str(threads)) == {"design.csv", "design.json", "report.txt", "report.html"}
     assert (tmp_path / "1" / "design.csv").read_bytes() == (tmp_path / "2" / "design.csv").read_bytes()
     settings = fp.Design.load(tmp_path / "1").settings
-    assert (settings.seed, settings.max_iterations, settings.method) == (3, 2, "auto")
+    assert (settings.seed, settings.max_iterations, settings.method.name) == (3, 2, "auto")
 
 
 def test_a_design_over_the_prior(run: Any, file: Path, tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_a_design_over_the_prior(run: Any, file: Path, tmp_path: Path) -> None:
     result = run("design", EXAMPLES / "michaelis_menten.toml", "-o", tmp_path / "run", *options)
     assert (result.code, result.err) == (0, "") and "the smallest log det F over 8 scenarios" in result.out
     design = fp.Design.load(tmp_path / "run")
-    assert design.settings.over == fp.OverPrior("worst") and design.scenarios is not None
+    assert design.settings.goal.over == fp.OverPrior("worst") and design.scenarios is not None
     refused = run("design", file, "-o", tmp_path / "none", "--over", "log")
     assert refused.code == 2 and refused.err.count("\n") == 1 and "over: expected method" in refused.err
 

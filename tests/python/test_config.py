@@ -26,7 +26,9 @@ def test_examples_describe_the_default_cylinder() -> None:
         assert tuple(problem.region.bounds["dt"]) == (1e-3, 1e-2)
         assert problem.output_covariance == covariance
         assert problem.rule.size(problem.prior) == nodes
-        assert example.exchange_settings() == ({"method": "paper"} if name == "paper.toml" else {}) | {
+        assert example.exchange_settings() == {
+            "method": fp.ExchangeMethod("paper" if name == "paper.toml" else "auto"),
+            "goal": fp.Goal(),
             "n_experiments": 12,
             "n_candidates": 50,
             "max_iterations": 200 if name == "paper.toml" else 400,
@@ -35,14 +37,16 @@ def test_examples_describe_the_default_cylinder() -> None:
 
 
 def test_a_criterion_over_the_prior(tmp_path: Path) -> None:
-    text = TEXT.replace("seed = 0 ", 'over = "cvar"\nscenarios = 16\nshare = 0.5 ', 1)
+    text = TEXT.replace("[design]", '[goal]\nover = "cvar"\nscenarios = 16\nshare = 0.5\n\n[design]', 1)
     settings = config.load_config(write(tmp_path / "run.toml", text)).exchange_settings()
-    assert settings["over"] == fp.OverPrior("cvar", scenarios=fp.Sobol(16), share=0.5)
+    assert settings["goal"] == fp.Goal(over=fp.OverPrior("cvar", scenarios=fp.Sobol(16), share=0.5))
     assert not {"scenarios", "share"} & set(settings)
-    short = TEXT.replace("seed = 0 ", 'over = "log" ', 1)
-    assert config.load_config(write(tmp_path / "run.toml", short)).exchange_settings()["over"] == fp.OverPrior("log")
-    with pytest.raises(config.ConfigError, match=r"design\.scenarios: expected a power of two"):
-        config.load_config(write(tmp_path / "run.toml", TEXT.replace("seed = 0 ", 'over = "log"\nscenarios = 6 ', 1)))
+    short = TEXT.replace("[design]", '[goal]\nover = "log"\n\n[design]', 1)
+    assert config.load_config(write(tmp_path / "run.toml", short)).exchange_settings()["goal"].over == fp.OverPrior("log")
+    with pytest.raises(config.ConfigError, match=r"goal\.scenarios: expected a power of two"):
+        config.load_config(
+            write(tmp_path / "run.toml", TEXT.replace("[design]", '[goal]\nover = "log"\nscenarios = 6\n\n[design]', 1))
+        )
 
 
 def test_without_noise_the_region_covariance_is_the_default(tmp_path: Path) -> None:

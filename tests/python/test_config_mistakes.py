@@ -29,12 +29,12 @@ MISTAKES = {
         "design.max_iterations: expected a number <= 1000000000, given 10000000000",
     ),
     "method": ("seed = 0 ", 'method = "best" ', 'design.method: expected "paper" or "auto", given "best"'),
-    "over": ("seed = 0 ", 'over = "best" ', 'design.over: expected "log", "worst" or "cvar", given "best"'),
-    "scenarios alone": ("seed = 0 ", "scenarios = 8 ", "design.scenarios: expected only with over, given 8"),
+    "over": ("[design]", '[goal]\nover = "best"\n\n[design]', 'goal.over: expected "log", "worst" or "cvar", given "best"'),
+    "scenarios alone": ("[design]", "[goal]\nscenarios = 8\n\n[design]", "goal.scenarios: expected only with over, given 8"),
     "share of the mean": (
-        "seed = 0 ",
-        'over = "log"\nshare = 0.5 ',
-        'design.share: expected only with over = "cvar", given 0.5',
+        "[design]",
+        '[goal]\nover = "log"\nshare = 0.5\n\n[design]',
+        'goal.share: expected only with over = "cvar", given 0.5',
     ),
     "share": ("seed = 0 ", "local = 1.5 ", "design.local: expected a number <= 1, given 1.5"),
     "unit": (
@@ -194,7 +194,7 @@ MISTAKES = {
         "[design]",
         "[desing]",
         "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, varies, initial_state_std, "
-        "region, runs, rule, design, cost, campaign "
+        "region, runs, rule, goal, design, cost, campaign "
         '(did you mean "design"?)',
     ),
 }

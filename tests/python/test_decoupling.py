@@ -233,7 +233,7 @@ def test_not_knowing_the_other_group_costs_what_the_canonical_correlation_says(g
 def test_the_two_problems_are_designed_separately() -> None:
     problems = {group: problem(parameters=names) for group, names in GROUPS.items()}
     designs = {
-        group: fp.exchange(given, n_experiments=6, n_candidates=20, max_iterations=40, references=False)
+        group: fp.exchange(given, n_experiments=6, n_candidates=20, max_iterations=40, method=fp.ExchangeMethod(references=False))
         for group, given in problems.items()
     }
     for group, design in designs.items():
@@ -258,6 +258,6 @@ def test_the_two_problems_are_designed_separately() -> None:
 @pytest.mark.parametrize("kind", ["region", "pooled", "pointwise"])
 def test_a_sub_problem_is_designed_with_its_own_spread(group: str, kind: str) -> None:
     given = on_grid(kind, GROUPS[group], THIN)
-    design = fp.exchange(given, n_experiments=6, n_candidates=10, max_iterations=10, references=False)
+    design = fp.exchange(given, n_experiments=6, n_candidates=10, max_iterations=10, method=fp.ExchangeMethod(references=False))
     assert design.evaluation.parameters == GROUPS[group] and np.isfinite(design.evaluation.log_det)
     assert design.evaluation.log_det == pytest.approx(fp.evaluate_design(given, design.points).log_det, abs=1e-9)

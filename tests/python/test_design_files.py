@@ -56,8 +56,8 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "default without noise": ({"noise_std": None}, {}),
     "some parameters": ({"parameters": ["E_oil", "a_tau"]}, {"n_experiments": 3}),
     "singular": ({}, {"n_experiments": 2}),
-    "no references": ({}, {"references": False}),
-    "settings": ({}, {"patience": 3, "time_limit": 100.5, "max_redraws": 3, "seed": 2**70}),
+    "no references": ({}, {"method": fp.ExchangeMethod(references=False)}),
+    "settings": ({}, {"method": fp.ExchangeMethod(patience=3, max_redraws=3), "time_limit": 100.5, "seed": 2**70}),
     "constants": ({"model": fp.HydraulicCylinder(k_u=1.0, T_1=3.3e-3, p_s=2.05e7)}, {}),
     "constraints": ({"region": fp.ExperimentRegion(REGION, ["v > 0.01", "p_A + p_B < 2.5e7"])}, {}),
     "one level": ({"rule": fp.TensorGrid(1, span=1.25)}, {}),
@@ -111,7 +111,9 @@ def test_an_interrupted_design_can_be_saved(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_constraints_that_are_functions_are_not_saved_but_the_design_is(kind: str, tmp_path: Path) -> None:
     region = fp.ExperimentRegion(REGION, [lambda x: x["v"] > 0])
-    original = fp.exchange(problem(region=region, output_covariance=kind), **QUICK | {"references": False})
+    original = fp.exchange(
+        problem(region=region, output_covariance=kind), **QUICK | {"method": fp.ExchangeMethod(references=False)}
+    )
     original.save(tmp_path)
     loaded = fp.Design.load(tmp_path)
     assert same_bits(loaded.points.table, original.points.table)
@@ -134,7 +136,7 @@ def test_the_json_is_strict_and_tells_versions(saved: Path) -> None:
 
 @pytest.mark.parametrize("jumps", ["cross", "exclude"])
 def test_a_file_says_whether_jumps_are_crossed_and_one_from_before_excludes_them(jumps: str, tmp_path: Path) -> None:
-    original = fp.exchange(problem(jumps=jumps), **QUICK | {"references": False})
+    original = fp.exchange(problem(jumps=jumps), **QUICK | {"method": fp.ExchangeMethod(references=False)})
     original.save(tmp_path)
     data = json.loads((tmp_path / "design.json").read_text())
     assert data["problem"]["jumps"] == jumps
@@ -223,12 +225,12 @@ EDITS: list[tuple[str, Any]] = [
     ("points.dt.0", "soon"),
     ("points.x0.0", [1.0, 2.0]),
     ("points.u", []),
-    ("settings.colour", 1),
-    ("settings.seed", DELETE),
-    ("settings.seed", "abc"),
-    ("settings.n_candidates", 10**9),
-    ("settings.n_experiments", 0),
-    ("settings.n_experiments", 8),
+    ("settings.ExchangeSettings.colour", 1),
+    ("settings.ExchangeSettings.seed", DELETE),
+    ("settings.ExchangeSettings.seed", "abc"),
+    ("settings.ExchangeSettings.n_candidates", 10**9),
+    ("settings.ExchangeSettings.n_experiments", 0),
+    ("settings.ExchangeSettings.n_experiments", 8),
     ("trace.0", {}),
     ("trace.0.iteration", DELETE),
     ("trace.0.log_det", "high"),
@@ -353,7 +355,7 @@ def test_points_may_have_units_and_decimal_commas(tmp_path: Path) -> None:
 
 def test_levels_by_name_come_back(tmp_path: Path) -> None:
     rule = grid(a_tau=2, B_v=3)
-    fp.exchange(problem(rule=rule, noise_std=NOISE), **QUICK | {"references": False}).save(tmp_path)
+    fp.exchange(problem(rule=rule, noise_std=NOISE), **QUICK | {"method": fp.ExchangeMethod(references=False)}).save(tmp_path)
     loaded = fp.Design.load(tmp_path).problem.rule
     assert loaded == rule and loaded.levels_of(problem().prior) == dict.fromkeys(NAMES, 1) | {"a_tau": 2, "B_v": 3}
 

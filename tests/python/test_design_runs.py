@@ -14,7 +14,6 @@ import fisherpoint as fp
 from bench.runs import decay, reactor
 from fisherpoint.design.average import Average
 from fisherpoint.design.configuration import load_config
-from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_pictures import limits_of
@@ -94,10 +93,10 @@ def test_a_trap_is_told() -> None:
     with pytest.raises(
         ValueError, match=r"^region: .*'error' asks; no run has information on 1.00 (i_H|U_b|i_S).*, in prior std: measure other"
     ):
-        fp.design_runs(problem_of(model, mean, {"T": 0.25}, region), n_starts=2, singular="error")
+        fp.design_runs(problem_of(model, mean, {"T": 0.25}, region), n_starts=2, goal=fp.Goal(singular="error"))
     short = fp.RunRegion({"T_H": 296.0, "T_S": 296.0, "u": (0, 100), "dt": 60.0}, 2)
     with pytest.raises(ValueError, match=r"^region: .*'error' asks; (these runs leave open|no run has information on) "):
-        fp.design_runs(problem_of(model, mean, {"T": 0.25}, short), n_starts=1, singular="error")
+        fp.design_runs(problem_of(model, mean, {"T": 0.25}, short), n_starts=1, goal=fp.Goal(singular="error"))
 
 
 @pytest.mark.parametrize("kappa", [0.0, 3.0])
@@ -113,8 +112,8 @@ def test_the_gradient_is_that_of_differences(kappa: float, central: bool, error:
     problem = problem_of(limited, {"b": 2.0, "c": 1.0}, {"y": 0.01}, region, uncertain=None, initial_state_std={"x": 0.01})
     coordinates = region.coordinates(limited)
     plants = problem.theta * [[1.0, 1.0], [1.1, 0.9]]
-    aims = [aim_of(fp.criterion(problem))] * 2
-    objective = RunObjective(problem, coordinates, plants, Average.of_all(2), np.zeros((2, 2, 2)), aims, FINE)
+    criteria = [fp.criterion(problem)] * 2
+    objective = RunObjective(problem, coordinates, plants, Average.of_all(2), np.zeros((2, 2, 2)), criteria, FINE)
     objective.kappa = kappa
     z = np.random.default_rng(0).uniform(0.3, 0.7, (2, len(coordinates)))
     linear = linear_rows(objective, z, None, central, np.random.default_rng(0))
@@ -180,8 +179,8 @@ def test_what_too_few_plants_can_run_is_avoided() -> None:
         outputs={"y": "m"}, parameters={"b": "1", "c": "1"},
     )  # fmt: skip
     problem = problem_of(model, {"b": 2.0, "c": 1.0}, {"y": 0.01}, mover())
-    bold = fp.design_runs(problem, n_starts=2, confidence=None)
-    careful = fp.design_runs(problem, n_starts=2, confidence=0.99)
+    bold = fp.design_runs(problem, n_starts=2, goal=fp.Goal(confidence=0.0))
+    careful = fp.design_runs(problem, n_starts=2, goal=fp.Goal(confidence=0.99))
     assert bold.feasibility.share < 0.9 and bold.feasible
     assert careful.feasibility.share >= 0.99 and careful.feasible and careful.feasibility.draws == 1000
     assert careful.feasibility.interval[0] < careful.feasibility.share <= careful.feasibility.interval[1]
@@ -300,7 +299,7 @@ def log_dets_at(problem: fp.DesignProblem, runs: fp.Runs, plants: Any) -> Any:
 def test_a_criterion_over_the_prior_is_maximised(kind: str) -> None:
     problem = slider(mover())
     over, plants = over_factors(problem, kind, share=1 / 3)
-    design = fp.design_runs(problem, n_starts=2, n_candidates=60, over=over)
+    design = fp.design_runs(problem, n_starts=2, n_candidates=60, goal=fp.Goal(over=over))
     found, of_mean = (log_dets_at(problem, runs, plants) for runs in (design.runs, fp.design_runs(problem, n_starts=2).runs))
     average = {"log": np.mean, "worst": np.min, "cvar": lambda values: np.sort(values)[:2].mean()}[kind]
     assert design.log_det == pytest.approx(average(found), abs=1e-4)
@@ -317,12 +316,12 @@ def test_the_worst_scenario_gains_by_being_asked_for(tmp_path: Path) -> None:
     designs = {}
     for kind in ("log", "worst"):
         over, plants = over_factors(problem, kind)
-        designs[kind] = fp.design_runs(problem, n_starts=4, n_candidates=60, over=over)
+        designs[kind] = fp.design_runs(problem, n_starts=4, n_candidates=60, goal=fp.Goal(over=over))
     worst = {kind: log_dets_at(problem, design.runs, plants).min() for kind, design in designs.items()}
     assert worst["worst"] >= worst["log"] - 1e-3
     designs["worst"].save(tmp_path)
     again = fp.RunDesign.load(tmp_path)
-    assert again.settings.over == designs["worst"].settings.over and again.scenarios == designs["worst"].scenarios
+    assert again.settings.goal.over == designs["worst"].settings.goal.over and again.scenarios == designs["worst"].scenarios
 
 
 def test_profiles_and_changes_stay_in_the_box() -> None:
@@ -365,9 +364,9 @@ def test_misuse_of_the_search_is_told() -> None:
     with pytest.raises(ValueError, match="region: expected an ExperimentRegion for points, given a RunRegion"):
         fp.exchange(problem)
     with pytest.raises(TypeError, match="over: expected an OverPrior or None, given list"):
-        fp.design_runs(problem, over=[1.0, 2.0])  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="confidence: expected a probability"):
-        fp.design_runs(problem, confidence=1.5)
+        fp.design_runs(problem, goal=fp.Goal(over=[1.0, 2.0]))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="confidence: expected a share of at least 0 and below 1"):
+        fp.design_runs(problem, goal=fp.Goal(confidence=1.5))
     with pytest.raises(ValueError, match="output_covariance: expected 'noise' for runs"):
         fp.design_runs(problem.replace(output_covariance="pointwise"))
     with pytest.raises(ValueError, match="shared: expected names among"):

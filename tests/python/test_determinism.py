@@ -81,7 +81,15 @@ def test_threads_do_not_change_predictive_covariances(rule: fp.TensorGrid) -> No
 @pytest.mark.parametrize("kind", KINDS)
 def test_threads_do_not_change_a_design(kind: str) -> None:
     designs = [
-        fp.exchange(problem(output_covariance=kind), 9, n_candidates=6, max_iterations=8, seed=3, threads=n, references=True)
+        fp.exchange(
+            problem(output_covariance=kind),
+            9,
+            n_candidates=6,
+            max_iterations=8,
+            seed=3,
+            threads=n,
+            method=fp.ExchangeMethod(references=True),
+        )
         for n in THREADS
     ]
     for other in designs[1:]:
@@ -163,7 +171,13 @@ def test_the_order_of_the_priors_names_does_not_matter() -> None:
     backwards = fp.GaussianPrior({n: PRIOR.mean[n] for n in NAMES[::-1]}, {n: PRIOR.std[n] for n in NAMES[::-1]})
     assert all_same([fp.predictive_covariance(MODEL, points, p, grid(a_tau=3, E_oil=2)) for p in (PRIOR, backwards)])
     designs = [
-        fp.exchange(problem(prior=p, output_covariance="pooled"), 9, n_candidates=4, max_iterations=4, references=False)
+        fp.exchange(
+            problem(prior=p, output_covariance="pooled"),
+            9,
+            n_candidates=4,
+            max_iterations=4,
+            method=fp.ExchangeMethod(references=False),
+        )
         for p in (PRIOR, backwards)
     ]
     assert same_bits(designs[0].points.table, designs[1].points.table)

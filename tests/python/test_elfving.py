@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Variance
 from fisherpoint.design.optimality.elfving import moved, smallest_sum
+from fisherpoint.design.optimality.variance import Variance
 from fisherpoint.design.optimality.weights import optimal_weights
 
 

@@ -327,16 +327,28 @@ def test_an_evaluation_wants_a_problem() -> None:
         ("seed", {"seed": None}),
         ("threads", {"threads": 0}),
         ("progress", {"progress": 5}),
-        ("patience", {"patience": 0}),
+        ("method", {"method": 3}),
+        ("goal", {"goal": 3}),
         ("time_limit", {"time_limit": 0.0}),
         ("time_limit", {"time_limit": -1.0}),
         ("time_limit", {"time_limit": NAN}),
         ("time_limit", {"time_limit": "soon"}),
+    ],
+)
+def test_exchange(name: str, changes: dict[str, Any]) -> None:
+    arguments: dict[str, Any] = {"problem": problem(), "n_experiments": 2, "n_candidates": 2, "max_iterations": 1}
+    check(lambda: fp.exchange(**arguments | {"method": fp.ExchangeMethod(references=False)} | changes), name)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("patience", {"patience": 0}),
+        ("references", {"references": 1}),
         ("max_redraws", {"max_redraws": -1}),
         ("local", {"local": -0.1}),
         ("local", {"local": 1.5}),
     ],
 )
-def test_exchange(name: str, changes: dict[str, Any]) -> None:
-    arguments: dict[str, Any] = {"problem": problem(), "n_experiments": 2, "n_candidates": 2, "max_iterations": 1}
-    check(lambda: fp.exchange(**arguments | {"references": False} | changes), name)
+def test_exchange_method(name: str, options: dict[str, Any]) -> None:
+    check(lambda: fp.ExchangeMethod(**options), name)

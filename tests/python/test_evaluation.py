@@ -280,7 +280,9 @@ def test_with_noise_the_closed_bound_is_an_inequality(factor: float) -> None:
     assert efficiency.bound == pytest.approx(9 * np.log(2 * 4 / 9) - np.log(shares).sum(), rel=1e-12)
     assert design.evaluation.log_det < efficiency.bound and 0 < efficiency.vs_bound < 1
     for seed in range(3):
-        random = fp.exchange(given, n_experiments=9, n_candidates=5, max_iterations=0, seed=seed, references=False)
+        random = fp.exchange(
+            given, n_experiments=9, n_candidates=5, max_iterations=0, seed=seed, method=fp.ExchangeMethod(references=False)
+        )
         assert random.evaluation.log_det < efficiency.bound
 
 

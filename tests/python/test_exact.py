@@ -14,20 +14,22 @@ from hypothesis import strategies as st
 import fisherpoint as fp
 from fisherpoint.design.optimality import branch_and_bound
 from fisherpoint.design.optimality.branch_and_bound import BranchAndBound, similar_first
-from fisherpoint.design.optimality.criteria import Criterion, Determinant, Variance
+from fisherpoint.design.optimality.criteria import Criterion
+from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.eigenvalue_criteria import Scaled, SmallestEigenvalue
 from fisherpoint.design.optimality.relaxation import Box, Group, Relaxation
 from fisherpoint.design.optimality.symmetries import symmetries
+from fisherpoint.design.optimality.variance import Variance
 from test_approximate import COMPARTMENT, GRID, MICHAELIS, QUADRATIC, algebraic, inputs
 
 CUBE = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
-OPTIONS: dict[str, dict[str, Any]] = {
-    "D": {},
-    "A": {},
-    "E": {},
-    "c": {"of": "p3 - p4"},
-    "Ds": {"of": ("p3", "p4")},
-    "I": {"of": "y", "conditions": inputs([(0.5, 0.5), (-0.5, 1.0)])},
+GOALS = {
+    "D": fp.Goal(),
+    "A": fp.Goal("A"),
+    "E": fp.Goal("E"),
+    "c": fp.Goal("c", of="p3 - p4"),
+    "Ds": fp.Goal("Ds", of=("p3", "p4")),
+    "I": fp.Goal("I", of="y", conditions=inputs([(0.5, 0.5), (-0.5, 1.0)])),
 }
 
 
@@ -81,11 +83,11 @@ def test_the_gap_of_a_quadratic_in_three_factors_is_closed(n: int, nodes: int) -
     assert design.proven and design.nodes <= nodes
 
 
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("name", GOALS)
 @pytest.mark.parametrize("n", [6, 7])
 def test_designs_by_every_criterion_are_the_best_of_all(name: str, n: int) -> None:
-    design = fp.exact(QUADRATIC, inputs(GRID), n, criterion=name, **OPTIONS[name])
-    criterion = fp.criterion(QUADRATIC, name, **OPTIONS[name])
+    design = fp.exact(QUADRATIC, inputs(GRID), n, goal=GOALS[name])
+    criterion = fp.criterion(QUADRATIC, GOALS[name])
     matrices = np.einsum("ki,kj->kij", *(2 * [rows_of_quadratic(GRID)]))
     best = best_of(matrices, criterion, n)
     assert criterion.log_phi(design.information) <= best + 1e-9
@@ -154,10 +156,10 @@ def test_a_bound_is_far_from_a_design_that_is_not_optimal(name: str) -> None:
     assert search.efficiency <= true + 1e-9 < 0.95
 
 
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("name", GOALS)
 def test_symmetries_keep_the_criterion_of_every_design(name: str) -> None:
     rng, rows = np.random.default_rng(0), rows_of_quadratic(GRID)
-    criterion = fp.criterion(QUADRATIC, name, **OPTIONS[name])
+    criterion = fp.criterion(QUADRATIC, GOALS[name])
     found = symmetries(rows, criterion)
     assert len(np.unique(found, axis=0)) == len(found) == {"D": 8, "A": 8, "E": 8, "Ds": 8, "c": 8, "I": 1}[name]
     for permutation in found:
@@ -210,15 +212,15 @@ def test_one_time_determines_the_highest_concentration() -> None:
     peak = float(np.log(4.298 / 0.05884) / (4.298 - 0.05884))
     of = "c*(exp(-a*log(b/a)/(b - a)) - exp(-b*log(b/a)/(b - a)))"
     times = np.sort(np.append(np.linspace(0.2, 40, 60), peak))
-    design = fp.exact(COMPARTMENT, inputs(times), 4, criterion="c", of=of)
+    design = fp.exact(COMPARTMENT, inputs(times), 4, goal=fp.Goal("c", of=of))
     assert design.proven and design.value == pytest.approx(0.25, rel=1e-6)
     np.testing.assert_allclose(design.points.u[:, 0], peak)
-    assert fp.criterion(COMPARTMENT, "c", of=of).value(design.information) == pytest.approx(0.25, rel=1e-6)
+    assert fp.criterion(COMPARTMENT, fp.Goal("c", of=of)).value(design.information) == pytest.approx(0.25, rel=1e-6)
 
 
 def test_the_prior_is_added_once() -> None:
     problem = QUADRATIC.replace(noise_std={"y": 3.0})
-    design = fp.exact(problem, inputs(GRID), 3, prior_information=True)
+    design = fp.exact(problem, inputs(GRID), 3, goal=fp.Goal(prior_information=True))
     assert design.proven
     rows = rows_of_quadratic(GRID) / 3.0
     every = np.eye(6) + np.einsum("dk,ki,kj->dij", every_design(9, 3).astype(float), rows, rows)
@@ -259,8 +261,8 @@ def test_copies_and_points_that_are_none_are_left_out() -> None:
 
 def test_misuse_is_told() -> None:
     grid = inputs(GRID)
-    with pytest.raises(ValueError, match=r"^criterion: expected one with a concave form, given 'ME'"):
-        fp.exact(QUADRATIC, grid, 6, criterion="ME")
+    with pytest.raises(ValueError, match=r"^goal: expected one without criterion 'ME' for fisherpoint\.exact"):
+        fp.exact(QUADRATIC, grid, 6, goal="ME")
     with pytest.raises(ValueError, match=r"^output_covariance: expected 'noise'"):
         fp.exact(MICHAELIS.replace(output_covariance="pooled"), inputs([1.0]), 2)
     with pytest.raises(ValueError, match=r"^gap: expected a share between"):

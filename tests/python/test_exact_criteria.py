@@ -23,13 +23,13 @@ QUICK: dict[str, Any] = {"n_candidates": 20, "max_iterations": 40}
 GRID = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=2)))
 
 
-def of_quadratic(name: str) -> dict[str, Any]:
-    options: dict[str, dict[str, Any]] = {
-        "Ds": {"of": ["c_3", "c_4", "c_5"]},
-        "c": {"of": "c_0 + c_1 + 2*c_3"},
-        "I": {"of": "y", "conditions": fp.Experiments(np.zeros((9, 0)), GRID)},
+def of_quadratic(name: str) -> fp.Goal:
+    goals = {
+        "Ds": fp.Goal("Ds", of=["c_3", "c_4", "c_5"]),
+        "c": fp.Goal("c", of="c_0 + c_1 + 2*c_3"),
+        "I": fp.Goal("I", of="y", conditions=fp.Experiments(np.zeros((9, 0)), GRID)),
     }
-    return options.get(name, {})
+    return goals.get(name) or fp.Goal(name)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_designs_of_a_quadratic_in_two_factors_are_the_best_of_all(name: str, co
     given = known_problem(quadratic, ZERO, SQUARE)
     a, b = GRID.T
     rows = np.column_stack([np.ones(9), a, b, a * a, b * b, a * b]) * given.std
-    criterion = fp.criterion(given, name, **of_quadratic(name))
+    criterion = fp.criterion(given, of_quadratic(name))
     best = -np.inf
     for chosen in itertools.combinations_with_replacement(range(9), count):
         own = rows[list(chosen)]
@@ -56,7 +56,7 @@ def test_designs_of_a_quadratic_in_two_factors_are_the_best_of_all(name: str, co
         else:
             value = criterion.log_phi(f)
         best = max(best, value)
-    design = fp.exchange(given, count, criterion=name, n_candidates=20, max_iterations=60, **of_quadratic(name))
+    design = fp.exchange(given, count, goal=of_quadratic(name), n_candidates=20, max_iterations=60)
     found = criterion.log_phi(design.evaluation.information)
     assert found == pytest.approx(best, abs=1e-6)
     assert design.value == pytest.approx(criterion.value(design.evaluation.information))
@@ -71,7 +71,7 @@ def test_the_time_of_the_largest_concentration() -> None:
     """c-optimal weights are .606 and .394 (Atkinson et al. 1993); of five samples three and two are best."""
     model, mean, bounds, _ = ONE_FACTOR["one-compartment with absorption"]
     assert model is absorption
-    design = fp.exchange(known_problem(model, mean, bounds), 5, criterion="c", of="log(k_a / k_e) / (k_a - k_e)", **QUICK)
+    design = fp.exchange(known_problem(model, mean, bounds), 5, goal=fp.Goal("c", of="log(k_a / k_e) / (k_a - k_e)"), **QUICK)
     assert 5 * design.value == pytest.approx(0.02813, rel=2e-3)  # the variance with five is not less than a fifth of the optimum's
     assert 5 * design.value > 0.02813 * (1 - 1e-3)
     early = design.points.dt < 1
@@ -85,8 +85,8 @@ def test_all_parameters_as_a_subset_are_log_det() -> None:
     model, mean, bounds, _ = ONE_FACTOR["Box-Lucas"]
     given = known_problem(model, mean, bounds)
     one, other, default = (
-        fp.exchange(given, 4, references=False, **QUICK, **asked)
-        for asked in ({"criterion": "D"}, {"criterion": "Ds", "of": ["k_1", "k_2"]}, {})
+        fp.exchange(given, 4, method=fp.ExchangeMethod(references=False), **QUICK, **asked)
+        for asked in ({"goal": "D"}, {"goal": fp.Goal("Ds", of=["k_1", "k_2"])}, {})
     )
     assert np.array_equal(one.points.table, other.points.table) and np.array_equal(one.points.table, default.points.table)
     assert one.value == pytest.approx(one.evaluation.log_det + 2 * np.log(4 / 2))
@@ -98,9 +98,9 @@ def test_all_parameters_as_a_subset_are_log_det() -> None:
 @pytest.mark.parametrize("name", ("Ds", "A", "c", "I", "E"))
 def test_a_poor_design_is_not_said_to_be_good(name: str) -> None:
     """Random points: what is proven of them is clearly less than one, and no more than what holds against a better design."""
-    given, options = known_problem(quadratic, ZERO, SQUARE), of_quadratic(name)
-    poor = fp.exchange(given, 12, criterion=name, n_candidates=20, max_iterations=0, seed=3, **options)
-    good = fp.exchange(given, 12, criterion=name, n_candidates=20, max_iterations=60, seed=3, **options)
+    given, goal = known_problem(quadratic, ZERO, SQUARE), of_quadratic(name)
+    poor = fp.exchange(given, 12, goal=goal, n_candidates=20, max_iterations=0, seed=3)
+    good = fp.exchange(given, 12, goal=goal, n_candidates=20, max_iterations=60, seed=3)
     assert poor.efficiency is not None and poor.efficiency.at_least is not None
     assert poor.efficiency.at_least < 0.95
     against = good.criterion.efficiency(poor.evaluation.information, good.evaluation.information)
@@ -110,9 +110,9 @@ def test_a_poor_design_is_not_said_to_be_good(name: str) -> None:
 @pytest.mark.parametrize("name", ("Ds", "A", "c", "I", "E"))
 def test_the_bound_is_that_of_the_best_weights(name: str) -> None:
     """Of the nine settings, which `fp.approximate` finds by another program."""
-    given, options = known_problem(quadratic, ZERO, SQUARE), of_quadratic(name)
-    design = fp.exchange(given, 9, criterion=name, **QUICK, **options)
-    weights = fp.approximate(given, fp.Experiments(np.zeros((9, 0)), GRID), criterion=name, **options)
+    given, goal = known_problem(quadratic, ZERO, SQUARE), of_quadratic(name)
+    design = fp.exchange(given, 9, goal=goal, **QUICK)
+    weights = fp.approximate(given, fp.Experiments(np.zeros((9, 0)), GRID), goal=goal)
     assert design.efficiency is not None and design.efficiency.at_least is not None
     assert design.efficiency.at_least == pytest.approx(weights.efficiency_of(design), abs=4e-3)
 
@@ -121,15 +121,15 @@ def test_the_bound_is_that_of_the_best_weights(name: str) -> None:
 def test_over_the_prior_it_is_the_mean_of_the_logarithms(name: str) -> None:
     model, mean, bounds, _ = ONE_FACTOR["Box-Lucas"]
     given = known_problem(model, mean, bounds)
-    options: dict[str, Any] = {"of": "k_1 / k_2"} if name == "c" else {}
     scenarios = [{}, {"k_1": 0.5}, {"k_2": 0.3}]
     over = fp.OverPrior("log", scenarios=scenarios)
-    design = fp.exchange(given, 4, criterion=name, over=over, **QUICK, **options)
+    goal = fp.Goal(name, of="k_1 / k_2" if name == "c" else None, over=over)
+    design = fp.exchange(given, 4, goal=goal, **QUICK)
     values = []
     for one in scenarios:
         there = given.replace(prior=fp.GaussianPrior(mean | one, std=dict(given.prior.std)))
         f = fp.evaluate_design(there, design.points).fisher
-        values.append(fp.criterion(there, name, **options).log_phi(f))
+        values.append(fp.criterion(there, goal).log_phi(f))
     assert design.scenarios is not None and design.efficiency is not None
     assert design.scenarios.value == pytest.approx(np.mean(values), abs=1e-9)
     assert design.efficiency.at_most is not None and design.scenarios.value <= design.efficiency.at_most + 1e-9
@@ -152,7 +152,7 @@ def blind() -> fp.DesignProblem:
 @pytest.mark.parametrize("name", ("A", "E", "ME"))
 def test_criteria_of_all_parameters_ask_for_what_is_estimable(name: str) -> None:
     """By hand: in units of the prior the rows are u (1, 2, 0) + v (0, 0, 1/2), and the information has two eigenvalues."""
-    design = fp.exchange(blind(), 6, criterion=name, **QUICK)
+    design = fp.exchange(blind(), 6, goal=name, **QUICK)
     rows = design.points.u @ np.array([[1.0, 2.0, 0.0], [0.0, 0.0, 0.5]])
     _, low, high = np.linalg.eigvalsh(rows.T @ rows)
     value = {"A": 1 / low + 1 / high, "E": low, "ME": high / low}[name]
@@ -171,30 +171,30 @@ def test_criteria_of_all_parameters_ask_for_what_is_estimable(name: str) -> None
 
 def test_a_function_of_what_is_estimable_has_its_design_and_another_one_error() -> None:
     given = blind()
-    design = fp.exchange(given, 4, criterion="c", of="a + b", **QUICK | {"max_iterations": 80})
+    design = fp.exchange(given, 4, goal=fp.Goal("c", of="a + b"), **QUICK | {"max_iterations": 80})
     assert design.value == pytest.approx(1 / (design.points.u[:, 0] ** 2).sum(), rel=1e-3)
     assert design.value == pytest.approx(1 / 4, rel=0.01)
     assert design.efficiency is not None and design.efficiency.at_least == pytest.approx(1, abs=0.01)
     with pytest.raises(ValueError, match=r"^region: .*criterion 'c', given none with information on 1.00 a - 0.50 b"):
-        fp.exchange(given, 4, criterion="c", of="a - b", **QUICK)
+        fp.exchange(given, 4, goal=fp.Goal("c", of="a - b"), **QUICK)
     with pytest.raises(ValueError, match=r"^region: .*criterion 'Ds'"):
-        fp.exchange(given, 4, criterion="Ds", of=["a", "c"], **QUICK)
+        fp.exchange(given, 4, goal=fp.Goal("Ds", of=["a", "c"]), **QUICK)
 
 
 @pytest.mark.parametrize("name", ("A", "E", "ME"))
 def test_too_few_points_for_criteria_of_all_parameters_are_chosen_by_log_det(name: str) -> None:
-    design, by_log_det = (fp.exchange(blind(), 1, criterion=of, **QUICK) for of in (name, "D"))
+    design, by_log_det = (fp.exchange(blind(), 1, goal=of, **QUICK) for of in (name, "D"))
     np.testing.assert_array_equal(design.points.table, by_log_det.points.table)
     assert design.evaluation.rank == 1 and design.too_few and design.efficiency is not None
     assert design.efficiency.at_least is None and design.efficiency.at_most is None
     assert f"enough for criterion {name}, points are chosen by log det F" in " ".join(str(design).split())
     with pytest.raises(ValueError, match=r"^region: .*singular = 'error'.* information on 1.00 a - 0.50 b"):
-        fp.exchange(blind(), 6, criterion=name, singular="error", **QUICK)
+        fp.exchange(blind(), 6, goal=fp.Goal(name, singular="error"), **QUICK)
 
 
 def test_too_few_points_for_certain_functions_are_an_error() -> None:
     with pytest.raises(ValueError, match=r"^n_experiments: .*'I', given 1"):
-        fp.exchange(blind(), 1, criterion="I", of="y", conditions=fp.Experiments(np.zeros((2, 0)), np.eye(2)), **QUICK)
+        fp.exchange(blind(), 1, goal=fp.Goal("I", of="y", conditions=fp.Experiments(np.zeros((2, 0)), np.eye(2))), **QUICK)
 
 
 # --- beside the rest of the library -------------------------------------------------------------------------------------------
@@ -219,7 +219,7 @@ def test_previous_and_kept_points_count() -> None:
 
     best = min(trace(t) for t in np.linspace(0.01, 10, 500))
     for asked in ({"n_experiments": 1, "previous": before}, {"n_experiments": 7, "keep": before}):
-        design = fp.exchange(given, criterion="A", **asked, **QUICK)
+        design = fp.exchange(given, goal="A", **asked, **QUICK)
         assert design.value == pytest.approx(best, rel=1e-4)
         assert design.efficiency is not None and design.efficiency.at_least is not None
         assert 0.9 < design.efficiency.at_least <= 1 + 1e-9
@@ -227,48 +227,43 @@ def test_previous_and_kept_points_count() -> None:
 
 def test_the_same_bits_for_any_number_of_threads() -> None:
     given = growth()
-    one, three = (fp.exchange(given, 4, criterion="E", threads=n, **QUICK) for n in (1, 3))
+    one, three = (fp.exchange(given, 4, goal="E", threads=n, **QUICK) for n in (1, 3))
     assert np.array_equal(one.points.table, three.points.table)
 
 
 def test_a_design_is_kept_with_what_was_asked(tmp_path: Path) -> None:
     given = growth()
-    asked: list[dict[str, Any]] = [
-        {"criterion": "A", "scale": {"a": 1.0, "b": 0.1}},
-        {"criterion": "I", "of": "y", "conditions": at(2.0, 9.0)},
-        {"criterion": "Ds", "of": ["b"]},
+    goals = [
+        fp.Goal("A", scale={"a": 1.0, "b": 0.1}),
+        fp.Goal("I", of="y", conditions=at(2.0, 9.0)),
+        fp.Goal("Ds", of=["b"]),
     ]
-    for number, options in enumerate(asked):
-        design = fp.exchange(given, 3, **options, **QUICK)
+    for number, goal in enumerate(goals):
+        design = fp.exchange(given, 3, goal=goal, **QUICK)
         design.save(tmp_path / str(number))
         again = fp.Design.load(tmp_path / str(number))
-        assert again.value == design.value and again.settings.criterion == options["criterion"]
+        assert again.value == design.value and again.settings.goal == goal
         assert str(again.report()) == str(design.report())
-        assert f"chosen by criterion {options['criterion']}" in str(design.report())
-        assert f"{options['criterion']}-efficiency" in str(design.report())
+        assert f"chosen by criterion {goal.criterion}" in str(design.report())
+        assert f"{goal.criterion}-efficiency" in str(design.report())
         assert "log det at most" not in str(design.report())
         assert design.plot("criterion").axes[0].get_ylabel().startswith(("-log(", "log det of the information about b"))
 
 
 def test_scales_say_which_errors_count() -> None:
     given = growth()
-    of_b = fp.exchange(given, 6, criterion="A", scale={"a": 1e6, "b": 1.0}, references=False, **QUICK)
-    alone = fp.exchange(given, 6, criterion="c", of="b", references=False, **QUICK)
+    of_b = fp.exchange(given, 6, goal=fp.Goal("A", scale={"a": 1e6, "b": 1.0}), method=fp.ExchangeMethod(references=False), **QUICK)
+    alone = fp.exchange(given, 6, goal=fp.Goal("c", of="b"), method=fp.ExchangeMethod(references=False), **QUICK)
     assert of_b.value == pytest.approx(alone.value, rel=1e-3)  # the variance of b in its own unit
 
 
 MISUSE: list[tuple[dict[str, Any], str]] = [
-    ({"criterion": "G"}, "criterion: expected "),
-    ({"criterion": "c"}, "of: expected "),
-    ({"criterion": "c", "of": "q"}, "of: "),
-    ({"criterion": "c", "of": 3}, "of: expected "),
-    ({"criterion": "Ds", "of": []}, "of: expected "),
-    ({"criterion": "I", "of": "y"}, "conditions: expected "),
-    ({"criterion": "I", "of": "y", "conditions": [1.0]}, "conditions: expected "),
-    ({"criterion": "A", "scale": {"a": 1.0}}, "scale: expected |scale.b|b: "),
-    ({"criterion": "A", "scale": {"a": -1.0, "b": 1.0}}, "scale"),
-    ({"of": "a"}, "of: expected none"),
-    ({"criterion": "A", "method": "paper"}, "criterion 'A': expected method"),
+    ({"goal": "G"}, "criterion: expected "),
+    ({"goal": "c"}, "of: expected "),
+    ({"goal": fp.Goal("c", of="q")}, "of: "),
+    ({"goal": fp.Goal("Ds", of=[])}, "of: expected "),
+    ({"goal": fp.Goal("A", scale={"a": 1.0})}, "scale: expected |scale.b|b: "),
+    ({"goal": "A", "method": "paper"}, "criterion 'A': expected method"),
 ]
 
 
@@ -281,42 +276,44 @@ def test_misuse_is_one_clear_error(options: dict[str, Any], message: str) -> Non
 @pytest.mark.parametrize("kind", ("region", "pooled", "pointwise"))
 def test_other_output_covariances_are_refused(kind: str) -> None:
     with pytest.raises(ValueError, match=rf"^criterion 'E': expected .* output_covariance '{kind}'"):
-        fp.exchange(growth(output_covariance=kind), 4, criterion="E", **QUICK)
+        fp.exchange(growth(output_covariance=kind), 4, goal="E", **QUICK)
+
+
+SIZE = "n_experiments = 4\nmax_iterations = 10"
+WHERE = fp.Experiments(np.zeros((2, 0)), np.array([[0.1], [1.0]]))
 
 
 def _with_keys(keys: str, directory: Path) -> Path:
-    """The example with other keys in [design], which stands last in it."""
+    """The example with a goal, and few candidates."""
     path = directory / "problem.toml"
-    path.write_text(f"{MICHAELIS_MENTEN.read_text().split('[design]')[0]}[design]\n{keys}\n")
+    path.write_text(f"{MICHAELIS_MENTEN.read_text().split('[design]')[0]}[design]\n{SIZE}\n\n[goal]\n{keys}\n")
     return path
 
 
 @pytest.mark.parametrize(
-    ("keys", "asked"),
+    ("keys", "goal"),
     [
-        ('criterion = "c"\nof = "V / K"', {"criterion": "c", "of": "V / K"}),
-        ('criterion = "Ds"\nof = ["K"]', {"criterion": "Ds", "of": ["K"]}),
-        ('criterion = "A"\nscale = {V = 100.0, K = 0.01}', {"criterion": "A", "scale": {"V": 100.0, "K": 0.01}}),
-        ('criterion = "I"\nof = "rate"\nconditions = "where.csv"', {"criterion": "I", "of": "rate"}),
+        ('criterion = "c"\nof = "V / K"', fp.Goal("c", of="V / K")),
+        ('criterion = "Ds"\nof = ["K"]', fp.Goal("Ds", of=["K"])),
+        ('criterion = "A"\nscale = {V = 100.0, K = 0.01}', fp.Goal("A", scale={"V": 100.0, "K": 0.01})),
+        ('criterion = "I"\nof = "rate"\nconditions = "where.csv"', fp.Goal("I", of="rate", conditions=WHERE)),
     ],
 )
-def test_keys_of_a_file_are_the_arguments(keys: str, asked: dict[str, Any], tmp_path: Path) -> None:
-    path = _with_keys(f"{keys}\nn_experiments = 4\nmax_iterations = 10\n", tmp_path)
-    if asked["criterion"] == "I":
-        (tmp_path / "where.csv").write_text("s\n0.1\n1.0\n")
-        asked = asked | {"conditions": fp.Experiments(np.zeros((2, 0)), np.array([[0.1], [1.0]]))}
+def test_keys_of_a_file_are_the_arguments(keys: str, goal: fp.Goal, tmp_path: Path) -> None:
+    path = _with_keys(keys, tmp_path)
+    (tmp_path / "where.csv").write_text("s\n0.1\n1.0\n")
     config = load_config(path)
     design = fp.exchange(config.problem(), **config.exchange_settings())
-    same = fp.exchange(config.problem(), 4, max_iterations=10, **asked)
+    same = fp.exchange(config.problem(), 4, max_iterations=10, goal=goal)
     assert np.array_equal(design.points.table, same.points.table) and design.value == same.value
 
 
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ('criterion = "B"', "design.criterion: expected"),
-        ('criterion = "I"\nof = "rate"\nconditions = "nowhere.csv"', "design.conditions: expected a file of points"),
-        ('criterion = "A"\nscale = {V = -1.0, K = 0.01}', "design.scale.V: expected"),
+        ('criterion = "B"', "goal.criterion: expected"),
+        ('criterion = "I"\nof = "rate"\nconditions = "nowhere.csv"', "goal.conditions: expected a file of points"),
+        ('criterion = "A"\nscale = {V = -1.0, K = 0.01}', "goal.scale.V: expected"),
     ],
 )
 def test_mistakes_in_a_file_are_named(keys: str, message: str, tmp_path: Path) -> None:
@@ -327,8 +324,8 @@ def test_mistakes_in_a_file_are_named(keys: str, message: str, tmp_path: Path) -
 
 def test_a_campaign_designs_its_batches_by_the_criterion() -> None:
     given = fp.load_problem(MICHAELIS_MENTEN)
-    campaign = fp.Campaign(given, batch=3, criterion="c", of="V / K", max_iterations=10, n_candidates=20)
+    campaign = fp.Campaign(given, batch=3, goal=fp.Goal("c", of="V / K"), max_iterations=10, n_candidates=20)
     batch = campaign.next()
-    alone = fp.exchange(given, 3, criterion="c", of="V / K", max_iterations=200, references=False)
-    value = fp.criterion(given, "c", of="V / K").value
+    alone = fp.exchange(given, 3, goal=fp.Goal("c", of="V / K"), max_iterations=200, method=fp.ExchangeMethod(references=False))
+    value = fp.criterion(given, fp.Goal("c", of="V / K")).value
     assert value(fp.evaluate_design(given, batch).information) < 1.1 * alone.value

@@ -19,7 +19,12 @@ from fisherpoint.design.points.exchange_search import SHORTLIST
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 
-QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 12, "references": False, "method": "paper"}
+QUICK: dict[str, Any] = {
+    "n_experiments": 9,
+    "n_candidates": 8,
+    "max_iterations": 12,
+    "method": fp.ExchangeMethod("paper", references=False),
+}
 
 
 # --- Phi ----------------------------------------------------------------------------------------------------------------
@@ -76,7 +81,7 @@ def test_every_point_of_a_design_survives_on_the_grid_and_lies_in_the_region() -
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_design_beats_random_ones(kind: str) -> None:
     given = problem(output_covariance=kind)
-    design = fp.exchange(given, n_experiments=9, n_candidates=20, max_iterations=40, references=False)
+    design = fp.exchange(given, n_experiments=9, n_candidates=20, max_iterations=40, method=fp.ExchangeMethod(references=False))
     source = CandidateSource(given, np.random.default_rng(99), threads=1)
     random = [fp.evaluate_design(given, source.draw_confirmed(9).points).log_det for _ in range(20)]
     assert design.evaluation.log_det > max(random)
@@ -135,11 +140,7 @@ def test_one_iteration_is_the_exhaustive_search(kind: str) -> None:
             n_candidates=3,
             max_iterations=1,
             seed=seed,
-            max_redraws=0,
-            references=False,
-            screen=False,
-            local=0.0,
-            method="paper",
+            method=fp.ExchangeMethod("paper", max_redraws=0, references=False, screen=False, local=0.0),
         )
         np.testing.assert_array_equal(design.points.table, expected.table)
         assert design.trace[-1].exchanged == exchanged
@@ -153,7 +154,7 @@ def test_screening_finds_the_same_design(kind: str) -> None:
     calm = dict(q=(0.1, 0.2), v=(0.1, 0.2), p_A=(8e6, 9e6), p_B=(12e6, 13e6), x_v=(0.2, 0.5), u=(-0.5, -0.2), dt=(1e-3, 3e-3))
     given = problem(output_covariance=kind, region=fp.ExperimentRegion(calm))
     screened, whole = (
-        fp.exchange(given, 9, n_candidates=30, max_iterations=15, seed=3, references=False, screen=screen)
+        fp.exchange(given, 9, n_candidates=30, max_iterations=15, seed=3, method=fp.ExchangeMethod(references=False, screen=screen))
         for screen in (True, False)
     )
     assert not whole.rejected
@@ -170,7 +171,9 @@ def test_screening_asks_the_rule_for_the_best_few_only(monkeypatch: pytest.Monke
         return confirm(self, chosen)
 
     monkeypatch.setattr(CandidateSource, "confirm", counted)
-    fp.exchange(problem(output_covariance="pooled"), 9, n_candidates=40, max_iterations=5, references=False)
+    fp.exchange(
+        problem(output_covariance="pooled"), 9, n_candidates=40, max_iterations=5, method=fp.ExchangeMethod(references=False)
+    )
     start = asked.index(SHORTLIST)
     assert sum(asked[:start]) >= 9 and set(asked[start:]) == {SHORTLIST}
 
@@ -180,7 +183,7 @@ def test_screening_asks_the_rule_for_the_best_few_only(monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_too_few_points_for_the_parameters_still_give_the_best_that_can_be(kind: str) -> None:
-    design = fp.exchange(problem(output_covariance=kind), **QUICK | {"n_experiments": 2, "references": True})
+    design = fp.exchange(problem(output_covariance=kind), **QUICK | {"n_experiments": 2, "method": "paper"})
     assert design.evaluation.log_det == -np.inf and design.evaluation.rank == 6
     assert len(design.evaluation.null_directions) == 3
     assert design.evaluation.standard_errors is None
@@ -190,7 +193,9 @@ def test_too_few_points_for_the_parameters_still_give_the_best_that_can_be(kind:
 
 
 def test_a_single_point_and_a_single_candidate() -> None:
-    design = fp.exchange(problem(parameters=["B_v"]), 1, n_candidates=1, max_iterations=10, references=False)
+    design = fp.exchange(
+        problem(parameters=["B_v"]), 1, n_candidates=1, max_iterations=10, method=fp.ExchangeMethod(references=False)
+    )
     assert len(design.points) == 1 and np.isfinite(design.evaluation.log_det)
     assert design.trace[-1].log_det > design.trace[0].log_det
 
@@ -228,7 +233,7 @@ def test_a_region_on_a_switching_surface_is_refused_by_name(surface: str) -> Non
 def test_a_region_of_one_point_gives_that_point() -> None:
     one = {"q": 0.15, "v": 0.2, "p_A": 6e6, "p_B": 10e6, "x_v": 0.3, "u": -0.3, "dt": 2e-3}
     region = fp.ExperimentRegion({name: (value, value) for name, value in one.items()})
-    design = fp.exchange(problem(region=region), 3, n_candidates=2, max_iterations=3, references=False)
+    design = fp.exchange(problem(region=region), 3, n_candidates=2, max_iterations=3, method=fp.ExchangeMethod(references=False))
     np.testing.assert_array_equal(design.points.table, [list(one.values())] * 3)
     assert design.distinct_points == 1 and not any(record.exchanged for record in design.trace)
 
@@ -238,7 +243,7 @@ def test_a_region_of_one_point_gives_that_point() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_efficiencies_are_ratios_of_what_was_found(kind: str) -> None:
-    design = fp.exchange(problem(output_covariance=kind), **QUICK | {"references": True})
+    design = fp.exchange(problem(output_covariance=kind), **QUICK | {"method": "paper"})
     e, under_noise = design.efficiency, design.under_noise
     assert e is not None and under_noise is not None
     assert e.under_noise == under_noise.log_det
@@ -258,17 +263,17 @@ def test_efficiencies_are_ratios_of_what_was_found(kind: str) -> None:
 
 
 def test_a_design_is_there_before_what_it_is_compared_with() -> None:
-    whole = fp.exchange(problem(), **QUICK | {"references": True})
+    whole = fp.exchange(problem(), **QUICK | {"method": "paper"})
     first, last = designs(problem(), whole.settings)
     assert first.efficiency is None and last.efficiency == whole.efficiency is not None
     assert first.points == last.points == whole.points and first.stop_reason == last.stop_reason == whole.stop_reason
-    (alone,) = designs(problem(), replace(whole.settings, references=False))
+    (alone,) = designs(problem(), replace(whole.settings, method=replace(whole.settings.method, references=False)))
     assert alone.efficiency is None and alone.points == whole.points
 
 
 def test_a_design_that_is_worse_than_random_is_said_to_be() -> None:
     """No iterations, and the worst of several random starts."""
-    settings = QUICK | {"max_iterations": 0, "references": True}
+    settings = QUICK | {"max_iterations": 0, "method": "paper"}
     found = [fp.exchange(problem(), **settings, seed=seed).efficiency for seed in range(6)]
     below = [e.below_random for e in found if e is not None]
     assert any(below)
@@ -277,28 +282,22 @@ def test_a_design_that_is_worse_than_random_is_said_to_be() -> None:
 def test_settings_are_kept() -> None:
     given = problem()
     design = fp.exchange(
-        given, 9, n_candidates=4, max_iterations=2, seed=7, patience=5, time_limit=60, max_redraws=2, references=False
+        given,
+        9,
+        n_candidates=4,
+        max_iterations=2,
+        seed=7,
+        method=fp.ExchangeMethod(patience=5, max_redraws=2, references=False),
+        time_limit=60,
     )
     assert vars(design.settings) == {
         "n_experiments": 9,
+        "goal": fp.Goal(),
+        "method": fp.ExchangeMethod(patience=5, max_redraws=2, references=False),
         "n_candidates": 4,
         "max_iterations": 2,
         "seed": 7,
-        "patience": 5,
         "time_limit": 60.0,
-        "max_redraws": 2,
-        "references": False,
-        "screen": True,
-        "local": 0.5,
-        "method": "auto",
-        "singular": "estimable",
-        "over": None,
-        "criterion": "D",
-        "of": None,
-        "conditions": None,
-        "scale": None,
-        "confidence": None,
-        "prior_information": False,
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds
@@ -346,7 +345,9 @@ def test_a_singular_start_is_left_for_a_point_that_tells_little_of_what_is_open(
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, {"a": 1.0, "b": 0.01})
     given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0.0, 1.0)}), noise_std={"y": 1.0})
     for seed in range(5):
-        design = fp.exchange(given, n_experiments=2, n_candidates=60, max_iterations=2, seed=seed, references=False)
+        design = fp.exchange(
+            given, n_experiments=2, n_candidates=60, max_iterations=2, seed=seed, method=fp.ExchangeMethod(references=False)
+        )
         assert np.isfinite(design.evaluation.log_det)
         started_singular = np.isinf(design.trace[0].log_det)
         if started_singular:

@@ -18,7 +18,12 @@ import fisherpoint as fp
 from defaults import problem, same_bits
 from fisherpoint.information.candidates import CandidateSource
 
-QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 12, "references": False, "method": "paper"}
+QUICK: dict[str, Any] = {
+    "n_experiments": 9,
+    "n_candidates": 8,
+    "max_iterations": 12,
+    "method": fp.ExchangeMethod("paper", references=False),
+}
 
 
 def test_no_iterations_are_the_random_start() -> None:
@@ -30,7 +35,8 @@ def test_no_iterations_are_the_random_start() -> None:
 
 @pytest.mark.parametrize("patience", [1, 3])
 def test_patience(patience: int) -> None:
-    design = fp.exchange(problem(), **QUICK | {"max_iterations": 400, "n_candidates": 1}, patience=patience, max_redraws=0)
+    method = fp.ExchangeMethod("paper", references=False, patience=patience, max_redraws=0)
+    design = fp.exchange(problem(), **QUICK | {"max_iterations": 400, "n_candidates": 1, "method": method})
     assert design.stop_reason == "patience"
     exchanged = [record.exchanged for record in design.trace[1:]]
     assert not any(exchanged[-patience:])
@@ -49,8 +55,7 @@ def test_a_time_limit_bounds_the_whole_call(references: bool) -> None:
             n_candidates=10,
             max_iterations=10**6,
             time_limit=0.3,
-            references=references,
-            patience=None,
+            method=fp.ExchangeMethod(references=references, patience=None),
             threads=1,
         )
         seconds.append(time.process_time() - started)
@@ -85,7 +90,7 @@ def test_an_interrupt_returns_the_best_design_so_far() -> None:
         if state.iteration == 5:
             raise KeyboardInterrupt
 
-    design = fp.exchange(problem(), **QUICK | {"references": True}, progress=interrupt)
+    design = fp.exchange(problem(), **QUICK | {"method": "paper"}, progress=interrupt)
     assert design.stop_reason == "interrupted" and len(design.trace) == 6
     whole = fp.exchange(problem(), **QUICK | {"max_iterations": 5})
     assert same_bits(design.points.table, whole.points.table)
@@ -106,7 +111,8 @@ problem = fp.DesignProblem(m, prior, region, rule=fp.TensorGrid(4), output_covar
 print("started", flush=True)
 def progress(p):
     print("iteration", p.iteration, flush=True)
-design = fp.exchange(problem, n_candidates=400, max_iterations=10**6, progress=progress, screen=False)
+design = fp.exchange(problem, n_candidates=400, max_iterations=10**6, progress=progress,
+                     method=fp.ExchangeMethod(screen=False))
 print("returned", time.time(), design.stop_reason, len(design.points), design.evaluation.log_det == design.trace[-1].log_det,
       flush=True)
 """

@@ -121,7 +121,7 @@ def test_trajectories_are_tuples_still() -> None:
 
 
 def test_a_criterion_tells_what_it_is() -> None:
-    assert repr(fp.criterion(problem(), "c", of="k")) == "<Criterion c: the variance of one function of the parameters>"
+    assert repr(fp.criterion(problem(), fp.Goal("c", of="k"))) == "<Criterion c: the variance of one function of the parameters>"
 
 
 RECORD = fp.Record(np.arange(40.0), 0.1 * np.sin(np.arange(40.0)) ** 2, 0.5 + 0.1 * np.cos(np.arange(40.0)))

@@ -33,9 +33,11 @@ def test_they_are_the_first_points_and_count(kind: str, method: str) -> None:
 def test_the_others_are_chosen_beside_them() -> None:
     """Of designs that know nothing of what is kept, few tell as much with it."""
     hydraulic = problem(parameters=("E_oil", "p_t", "B_v", "c_L"))
-    keep = fp.exchange(hydraulic, 4, **QUICK | {"max_iterations": 40}, references=False).points[[0, 1, 2, 3] * 2]
-    design = fp.exchange(problem(), 13, keep=keep, **QUICK | {"max_iterations": 40}, references=False)
-    blind = fp.exchange(problem(), 5, **QUICK | {"max_iterations": 40}, references=False).points
+    keep = fp.exchange(hydraulic, 4, **QUICK | {"max_iterations": 40}, method=fp.ExchangeMethod(references=False)).points[
+        [0, 1, 2, 3] * 2
+    ]
+    design = fp.exchange(problem(), 13, keep=keep, **QUICK | {"max_iterations": 40}, method=fp.ExchangeMethod(references=False))
+    blind = fp.exchange(problem(), 5, **QUICK | {"max_iterations": 40}, method=fp.ExchangeMethod(references=False)).points
     assert design.evaluation.log_det > fp.evaluate_design(problem(), fp.Experiments.join([keep, blind])).log_det
 
 
@@ -47,7 +49,7 @@ def test_with_previous_points_both_count() -> None:
 
 
 def test_a_design_can_be_kept_and_saved(tmp_path: Path) -> None:
-    first = fp.exchange(problem(), 6, **QUICK, references=False)
+    first = fp.exchange(problem(), 6, **QUICK, method=fp.ExchangeMethod(references=False))
     more = fp.exchange(problem(), 9, keep=first, **QUICK)
     np.testing.assert_array_equal(more.points.table[:6], first.points.table)
     assert "Points 1 to 6 were given, and kept" in " ".join(str(more.report()).split())

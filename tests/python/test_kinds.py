@@ -68,7 +68,9 @@ def chain(request: pytest.FixtureRequest) -> Chain:
 
 @pytest.fixture(scope="module")
 def design(chain: Chain) -> fp.Design:
-    return fp.exchange(chain.problem, n_experiments=4, n_candidates=12, max_iterations=3, references=False)
+    return fp.exchange(
+        chain.problem, n_experiments=4, n_candidates=12, max_iterations=3, method=fp.ExchangeMethod(references=False)
+    )
 
 
 def differences(chain: Chain, x0: Array, u: Array, times: Array) -> Array | None:

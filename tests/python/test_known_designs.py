@@ -108,7 +108,7 @@ def test_designs_in_one_variable(name: str, copies: int) -> None:
     """With a point for each of the support, and with three, of which the exchange must make equal weights."""
     model, mean, bounds, count = ONE_FACTOR[name]
     given = problem(model, mean, bounds)
-    design = fp.exchange(given, copies * count, n_candidates=50, max_iterations=300, references=False)
+    design = fp.exchange(given, copies * count, n_candidates=50, max_iterations=300, method=fp.ExchangeMethod(references=False))
     assert log_det_m(given, design.evaluation) == pytest.approx(CASES[name]["log_det_M"], abs=1e-4)
     axis = "dt" if "dt" in bounds else "s"
     width = bounds[axis][1] - bounds[axis][0]
@@ -122,7 +122,7 @@ def test_designs_in_one_variable(name: str, copies: int) -> None:
 def test_a_linear_state_space_model(seed: int) -> None:
     """The start, the input and the duration are chosen; the optimum lies on five bounds."""
     given = problem(linear, {"a": 1, "b": 1}, {"x": (-1, 1), "u": (-1, 1), "dt": (SOON, 5)})
-    design = fp.exchange(given, 4, n_candidates=50, max_iterations=200, seed=seed, references=False)
+    design = fp.exchange(given, 4, n_candidates=50, max_iterations=200, seed=seed, method=fp.ExchangeMethod(references=False))
     assert log_det_m(given, design.evaluation) == pytest.approx(CASES["linear state space"]["log_det_M"], abs=1e-4)
     turned = design.points.table * np.sign(design.points.table[:, 1:2])  # (x0, u) and (-x0, -u) are worth the same
     turned[:, 2] = design.points.dt
@@ -162,7 +162,7 @@ SQUARE: Bounds = {"a": (-1, 1), "b": (-1, 1)}
 def test_exact_designs_of_a_quadratic_in_two_factors(n_experiments: int) -> None:
     """The best choice of so few among the nine settings, against the best weights."""
     given = problem(quadratic, ZERO, SQUARE)
-    design = fp.exchange(given, n_experiments, n_candidates=50, max_iterations=300, references=False)
+    design = fp.exchange(given, n_experiments, n_candidates=50, max_iterations=300, method=fp.ExchangeMethod(references=False))
     best = CASES["full quadratic in two factors on the 3 x 3 grid, continuous"]["log_det_M"]
     efficiency = math.exp((log_det_m(given, design.evaluation) - best) / 6)
     expected = CASES["same, exact by exhaustive search"]["D_efficiency"][str(n_experiments)]
@@ -173,7 +173,7 @@ def test_a_quadratic_in_two_factors_with_many_points() -> None:
     """With 124 points the best shares are within 2e-3 of the best weights: 18 at each corner, 10 at each edge, 12 in the middle."""
     case = CASES["full quadratic in two factors on the 3 x 3 grid, continuous"]
     given = problem(quadratic, ZERO, SQUARE)
-    design = fp.exchange(given, 124, n_candidates=50, max_iterations=300, references=False)
+    design = fp.exchange(given, 124, n_candidates=50, max_iterations=300, method=fp.ExchangeMethod(references=False))
     assert log_det_m(given, design.evaluation) == pytest.approx(case["log_det_M"], abs=1e-4)
     settings = np.where(np.abs(design.points.u) > 1 / 3, np.sign(design.points.u), 0)
     places, counts = np.unique(settings, axis=0, return_counts=True)

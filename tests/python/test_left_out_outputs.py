@@ -79,7 +79,7 @@ def test_designs_of_points(options: dict[str, Any]) -> None:
 @pytest.mark.parametrize("over", ["log", "worst"])
 def test_designs_over_the_prior(over: str) -> None:
     asked = fp.OverPrior(over, scenarios=fp.Sobol(4))
-    one, other = (fp.exchange(problem, 4, seed=0, over=asked, **QUICK) for problem in both(REGION))
+    one, other = (fp.exchange(problem, 4, seed=0, goal=fp.Goal(over=asked), **QUICK) for problem in both(REGION))
     assert one.points == other.points
 
 

@@ -92,7 +92,17 @@ def test_moving_points_raises_phi(kind: str) -> None:
     """By more than twice as many random candidates do, in the mean over some searches."""
     given = problem(output_covariance=kind)
     without, more, local = (
-        [paper(given, 9, n_candidates=n, max_iterations=30, seed=seed, references=False, local=share) for seed in range(4)]
+        [
+            paper(
+                given,
+                9,
+                n_candidates=n,
+                max_iterations=30,
+                seed=seed,
+                method=fp.ExchangeMethod("paper", references=False, local=share),
+            )
+            for seed in range(4)
+        ]
         for n, share in ((10, 0.0), (20, 0.0), (10, 1.0))
     )
     reached = [np.mean([design.evaluation.log_det for design in designs]) for designs in (without, more, local)]
@@ -106,7 +116,12 @@ def test_moving_points_raises_phi(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_result_does_not_depend_on_the_number_of_threads(kind: str) -> None:
     given = problem(output_covariance=kind)
-    one, three = (paper(given, 9, n_candidates=10, max_iterations=10, references=False, local=1.0, threads=n) for n in (1, 3))
+    one, three = (
+        paper(
+            given, 9, n_candidates=10, max_iterations=10, method=fp.ExchangeMethod("paper", references=False, local=1.0), threads=n
+        )
+        for n in (1, 3)
+    )
     assert same_bits(one.points.table, three.points.table)
     assert one.trace[-1].log_det == three.trace[-1].log_det and one.rejected == three.rejected
 
@@ -114,7 +129,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads(kind: str) -> None:
 def test_moved_points_obey_constraints_and_survive_on_all_nodes() -> None:
     region = fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"])
     given = problem(region=region)
-    design = paper(given, 9, n_candidates=20, max_iterations=20, references=False, local=1.0)
+    design = paper(given, 9, n_candidates=20, max_iterations=20, method=fp.ExchangeMethod("paper", references=False, local=1.0))
     assert design.rejected["constraint"] > 0
     assert np.all(design.points.x0[:, 2] + design.points.x0[:, 3] < 1.5e7)
     assert not fp.predictive_covariance(MODEL, design.points, given.prior, given.rule).status.any()
@@ -129,7 +144,9 @@ def decay(bounds: tuple[float, float] = (0.1, 5.0)) -> fp.DesignProblem:
 
 def test_patience_ends_a_search_that_has_come_to_its_optimum() -> None:
     """Points are not moved for ever by gains that nobody sees."""
-    design = paper(decay(), 1, n_candidates=20, max_iterations=5000, patience=50, references=False)
+    design = paper(
+        decay(), 1, n_candidates=20, max_iterations=5000, method=fp.ExchangeMethod("paper", patience=50, references=False)
+    )
     assert design.stop_reason == "patience" and design.trace[-1].iteration < 1000
     assert design.points.dt[0] == pytest.approx(1.0, abs=2e-3)
 
@@ -138,7 +155,9 @@ def test_patience_ends_a_search_that_has_come_to_its_optimum() -> None:
 def test_points_are_moved_for_what_is_worth_it_only(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """However near the optimum a point is, candidates near it are better, by the square of less and less."""
     monkeypatch.setattr(ExchangeSearch, "_iterate", lambda _: False)  # no random candidates, which any gain lets in
-    design = paper(decay(), 1, n_candidates=20, max_iterations=400, seed=seed, references=False, local=1.0)
+    design = paper(
+        decay(), 1, n_candidates=20, max_iterations=400, seed=seed, method=fp.ExchangeMethod("paper", references=False, local=1.0)
+    )
     gains = [after.log_det - before.log_det for before, after in itertools.pairwise(design.trace) if after.exchanged]
     assert min(gains) > 1e-6
     assert design.points.dt[0] == pytest.approx(1.0, abs=2e-3)
@@ -160,8 +179,7 @@ def test_local_candidates_come_every_fourth_time_as_many_as_their_share(
         points,
         n_candidates=10,
         max_iterations=13,
-        references=False,
-        local=share,
+        method=fp.ExchangeMethod("paper", references=False, local=share),
         progress=lambda progress: done.append(progress.iteration),
     )
     assert drawn == ([] if each is None else [(iteration, points, each) for iteration in (4, 8, 12)])
@@ -181,7 +199,7 @@ def test_a_design_that_stays_singular_determines_what_it_can(seed: int) -> None:
         n_candidates=50,
         max_iterations=60,
         seed=seed,
-        references=False,
+        method=fp.ExchangeMethod("paper", references=False),
     )
     assert design.evaluation.rank == 2 and design.evaluation.log_det == -np.inf
     u, v = design.points.u[np.argsort(design.points.u[:, 0]), :2].T

@@ -78,7 +78,7 @@ def test_arguments_in_each_others_place(call: Callable[[], Any]) -> None:
         ),
         (lambda: fp.exchange(problem(), n_experiments=True), "n_experiments: expected a whole number of at least 1, given True"),
         (lambda: fp.exchange(problem(), n_candidates=10**9), "n_candidates: expected a whole number of at most 1000000, given"),
-        (lambda: fp.exchange(problem(), references=0), "references: expected True or False, given 0"),
+        (lambda: fp.exchange(problem(), method=fp.ExchangeMethod(references=0)), "references: expected True or False, given 0"),
         (lambda: fp.Measurements(points(), [1 + 1j, 2, 3]), "y: expected numbers, given"),
         (lambda: fp.Measurements(points(), ["1", "2", "3"]), "y: expected numbers, given"),
         (lambda: fp.Measurements(points(), {1.0, 2.0, 3.0}), "y: expected numbers, given"),

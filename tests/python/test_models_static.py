@@ -106,13 +106,13 @@ def test_a_static_design_has_its_points_where_theory_puts_them() -> None:
     line = fp.SymbolicModel([], ["a + b*t_h"], {}, {"t_h": "h"}, {"a": "m", "b": "m/h"}, {"y": "m"}, name="line")
     prior = fp.GaussianPrior(mean={"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 1.0})
     problem = fp.DesignProblem(line, prior, fp.ExperimentRegion({"t_h": (-1.0, 1.0)}), noise_std={"y": 1.0})
-    design = fp.exchange(problem, n_experiments=4, max_iterations=60, references=False)
+    design = fp.exchange(problem, n_experiments=4, max_iterations=60, method=fp.ExchangeMethod(references=False))
     assert np.sort(design.points.u[:, 0]) == pytest.approx([-1, -1, 1, 1], abs=0.05)
     assert design.evaluation.log_det == pytest.approx(np.log(4.0), abs=0.1)  # F = (2/L) diag(4, 4)
 
 
 def test_decay_is_sampled_after_one_time_constant() -> None:
-    design = fp.exchange(DECAY, n_experiments=2, max_iterations=80, references=False)
+    design = fp.exchange(DECAY, n_experiments=2, max_iterations=80, method=fp.ExchangeMethod(references=False))
     assert design.points.dt == pytest.approx([10.0, 10.0], rel=0.05)
     assert (design.points.x0 == 1.0).all() and design.points.u.shape == (2, 0)
 

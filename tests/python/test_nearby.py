@@ -51,7 +51,7 @@ def test_growth_is_what_evaluation_at_the_moved_parameters_gives(which: str) -> 
     problem, given = slider(), points(BRAKING, PUSHED, BALANCED)
     if which == "cylinder":
         problem = cylinder()
-        given = fp.exchange(problem, method="paper", n_candidates=20, max_iterations=20, references=False).points
+        given = fp.exchange(problem, method=fp.ExchangeMethod("paper", references=False), n_candidates=20, max_iterations=20).points
     evaluation = fp.evaluate_under_noise(problem, given)
     assert evaluation is not None and evaluation.nearby is not None and evaluation.covariance is not None
     promised, white = errors_by_hand(problem, given, problem.theta)
@@ -110,7 +110,7 @@ def test_what_is_not_determined_there_grows_infinitely_and_is_kept(tmp_path: Pat
 
 
 def test_designs_have_it_and_keep_it(tmp_path: Path) -> None:
-    design = fp.exchange(slider(), 3, n_candidates=200, max_iterations=20, references=False)
+    design = fp.exchange(slider(), 3, n_candidates=200, max_iterations=20, method=fp.ExchangeMethod(references=False))
     assert design.evaluation.nearby is not None and design.under_noise is not None
     assert design.under_noise.nearby == design.evaluation.nearby
     assert design.evaluation.nearby.growth[design.evaluation.nearby.worst] > LARGEST_GROWTH  # the search likes the edge
@@ -143,7 +143,7 @@ def test_designs_have_it_and_keep_it(tmp_path: Path) -> None:
     ],
 )
 def test_a_file_with_something_else_is_refused(change: dict[str, Any], tmp_path: Path) -> None:
-    fp.exchange(slider(), 3, n_candidates=5, max_iterations=2, references=False).save(tmp_path)
+    fp.exchange(slider(), 3, n_candidates=5, max_iterations=2, method=fp.ExchangeMethod(references=False)).save(tmp_path)
     data = without_checksum(json.loads((tmp_path / "design.json").read_text()))
     data["under_noise"]["nearby"] |= change
     (tmp_path / "design.json").write_text(json.dumps(data))
@@ -153,7 +153,7 @@ def test_a_file_with_something_else_is_refused(change: dict[str, Any], tmp_path:
 
 def test_the_cylinder_is_silent() -> None:
     for seed in range(2):
-        design = fp.exchange(cylinder(), method="paper", seed=seed, max_iterations=100, references=False)
+        design = fp.exchange(cylinder(), method=fp.ExchangeMethod("paper", references=False), seed=seed, max_iterations=100)
         assert design.under_noise is not None and design.under_noise.nearby is not None
         assert max(design.under_noise.nearby.growth.values()) < 1.3
         assert not design.under_noise.nearby.without_trajectory
@@ -166,7 +166,7 @@ def test_only_the_sensor_noise_promises() -> None:
 
 
 def points_of_cylinder() -> fp.Experiments:
-    return fp.exchange(cylinder(), n_candidates=5, max_iterations=2, references=False).points
+    return fp.exchange(cylinder(), n_candidates=5, max_iterations=2, method=fp.ExchangeMethod(references=False)).points
 
 
 def test_points_without_a_trajectory_there_are_counted_and_told() -> None:
@@ -186,7 +186,7 @@ def test_previous_points_count_and_are_told_apart() -> None:
     evaluation = fp.evaluate_design(problem, points(BRAKING, PUSHED), previous=previous)
     assert evaluation.nearby is not None and evaluation.nearby.points == (0,) and evaluation.nearby.broken
     far = slider(region=fp.ExperimentRegion({"v": (0.0, 0.0), "f": (4.0, 5.0), "dt": (0.1, 0.2)}))
-    design = fp.exchange(far, 2, n_candidates=5, max_iterations=2, references=False, previous=previous)
+    design = fp.exchange(far, 2, n_candidates=5, max_iterations=2, method=fp.ExchangeMethod(references=False), previous=previous)
     assert "where previous points have much less information" in " ".join(to_text(design_report(design)).split())
 
 

@@ -72,7 +72,7 @@ def worded(call: Callable[[], Any]) -> Any:
 def test_points_that_overflow_are_counted_and_are_in_no_design(kind: str, rule: fp.Rule) -> None:
     """With every u but the smallest, an output overflows."""
     given = problem(rule=rule, output_covariance=kind)
-    design = worded(lambda: fp.exchange(given, 4, n_candidates=10, max_iterations=8, local=1.0))
+    design = worded(lambda: fp.exchange(given, 4, n_candidates=10, max_iterations=8, method=fp.ExchangeMethod(local=1.0)))
     evaluated = worded(lambda: fp.evaluate_design(given, POINTS))
     if kind in ("pooled", "pointwise"):
         assert evaluated is None  # a point without a covariance is none

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Criterion, Determinant, Variance
+from fisherpoint.design.optimality.criteria import Criterion
+from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.eigenvalue_criteria import ConditionNumber, Scaled, SmallestEigenvalue
 from fisherpoint.design.optimality.estimable import estimable
 from fisherpoint.design.optimality.functions import gradient_of
 from fisherpoint.design.optimality.rounding import efficient_rounding
+from fisherpoint.design.optimality.variance import Variance
 from fisherpoint.design.optimality.weights import least_sensitivity, optimal_weights
 
 P = 4

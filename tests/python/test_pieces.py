@@ -335,7 +335,7 @@ def test_too_few_windows_say_what_they_leave_open() -> None:
     assert one.ridge == 1e-9 and "1e-9 of the information of all windows" in " ".join(str(one).split())
     assert np.isfinite(two.log_det) and 2 in chosen(two)
     with pytest.raises(ValueError, match=r"^n_pieces: .*'error' asks, given 1, which leave open 1.00 [ab], in prior std: pick"):
-        fp.best_pieces(problem, fp.pieces(record, model, length=5), 1, singular="error")
+        fp.best_pieces(problem, fp.pieces(record, model, length=5), 1, goal=fp.Goal(singular="error"))
 
 
 def test_an_interrupted_search_gives_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:

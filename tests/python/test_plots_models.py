@@ -35,7 +35,7 @@ def design(model: fp.SymbolicModel, bounds: dict[str, tuple[float, float]], n: i
     prior = fp.GaussianPrior(mean=mean, relative_std=dict.fromkeys(mean, 0.1))
     noise_std = {quantity.name: 0.1 for quantity in model.outputs}
     given = fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise_std=noise_std if noise else None)
-    return fp.exchange(given, n, n_candidates=10, max_iterations=20, references=False)
+    return fp.exchange(given, n, n_candidates=10, max_iterations=20, method=fp.ExchangeMethod(references=False))
 
 
 def texts(figure: Figure) -> list[str]:

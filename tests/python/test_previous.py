@@ -115,7 +115,9 @@ def test_the_search_never_removes_them(kind: str) -> None:
 def test_six_after_others_are_better_than_random_ones_after_the_same() -> None:
     given = problem()
     hydraulic = problem(parameters=("E_oil", "p_t", "B_v", "c_L"))
-    known = fp.exchange(hydraulic, 6, n_candidates=50, max_iterations=60, references=False).points[[*range(6)] * 4]
+    known = fp.exchange(hydraulic, 6, n_candidates=50, max_iterations=60, method=fp.ExchangeMethod(references=False)).points[
+        [*range(6)] * 4
+    ]
     design = fp.exchange(given, 6, n_candidates=50, max_iterations=60, previous=known)
     rivals = random_designs(given, 6, 7, 1, previous_information(given, known, 1)[0])
     assert design.evaluation.log_det > rivals.max()
@@ -123,12 +125,12 @@ def test_six_after_others_are_better_than_random_ones_after_the_same() -> None:
     assert design.efficiency.random_median == pytest.approx(np.median(rivals), abs=1.0)
     assert design.efficiency.at_most is not None and design.efficiency.at_most > design.evaluation.log_det
     # Of those that know nothing of the others.
-    blind = fp.exchange(given, 6, n_candidates=50, max_iterations=60, references=False)
+    blind = fp.exchange(given, 6, n_candidates=50, max_iterations=60, method=fp.ExchangeMethod(references=False))
     assert design.evaluation.log_det > fp.evaluate_design(given, blind.points, previous=known).log_det
 
 
 def test_they_may_determine_what_too_few_new_points_cannot() -> None:
-    design = fp.exchange(problem(), 1, **QUICK, references=False, previous=FIRST)
+    design = fp.exchange(problem(), 1, **QUICK, method=fp.ExchangeMethod(references=False), previous=FIRST)
     assert design.evaluation.standard_errors is not None
     before = fp.evaluate_design(problem(), FIRST).standard_errors
     assert before is not None
@@ -137,14 +139,14 @@ def test_they_may_determine_what_too_few_new_points_cannot() -> None:
 
 def test_a_search_after_points_of_which_an_output_was_never_measured() -> None:
     blind = measured(FIRST, *((k, 1) for k in range(len(FIRST))))
-    design = fp.exchange(problem(), 3, **QUICK, references=False, previous=blind)
+    design = fp.exchange(problem(), 3, **QUICK, method=fp.ExchangeMethod(references=False), previous=blind)
     same_information(design.evaluation, fp.evaluate_design(problem(), design.points, previous=blind))
 
 
 def test_previous_points_that_are_none_are_counted() -> None:
     jumping, surface = fp.Experiments.join([JUMPS, FIRST]), point(v=0.0)
     given = problem(jumps="exclude")
-    design = fp.exchange(given, 3, **QUICK, references=False, previous=[jumping, surface, JUMPS])
+    design = fp.exchange(given, 3, **QUICK, method=fp.ExchangeMethod(references=False), previous=[jumping, surface, JUMPS])
     assert design.previous_left_out == {"met_jump": 2, "starts on v = 0": 1}
     assert design.n_previous == len(FIRST)
     same_information(design.evaluation, fp.evaluate_design(given, design.points, previous=FIRST))
@@ -157,15 +159,15 @@ def test_previous_points_that_are_none_are_counted() -> None:
 
 def test_a_design_is_its_points_and_remembers_how_many_were_before(tmp_path: Path) -> None:
     given = problem(jumps="exclude")
-    first = fp.exchange(given, 6, **QUICK, references=False)
-    second = fp.exchange(given, 5, **QUICK, references=False, previous=[first, JUMPS])
+    first = fp.exchange(given, 6, **QUICK, method=fp.ExchangeMethod(references=False))
+    second = fp.exchange(given, 5, **QUICK, method=fp.ExchangeMethod(references=False), previous=[first, JUMPS])
     assert second.n_previous == 6
     same_information(second.evaluation, fp.evaluate_design(given, fp.Experiments.join([first.points, second.points])))
     second.save(tmp_path)
     loaded = fp.Design.load(tmp_path)
     assert (loaded.n_previous, loaded.previous_left_out) == (6, {"met_jump": 1})
     assert same_bits(loaded.evaluation.fisher, second.evaluation.fisher)
-    third = fp.exchange(given, 4, **QUICK, references=False, previous=[first, loaded])
+    third = fp.exchange(given, 4, **QUICK, method=fp.ExchangeMethod(references=False), previous=[first, loaded])
     assert third.n_previous == 11
 
 

@@ -94,7 +94,7 @@ def test_it_is_only_for_the_sensor_noise() -> None:
         fp.evaluate_design(problem().replace(output_covariance="pooled"), at(GRID), prior_information=True)
     for changed, options in (({"output_covariance": "pooled"}, {}), ({}, {"method": "paper"})):
         with pytest.raises(ValueError, match='prior_information: expected method = "auto"'):
-            fp.exchange(problem().replace(**changed), 4, prior_information=True, **options)
+            fp.exchange(problem().replace(**changed), 4, goal=fp.Goal(prior_information=True), **options)
 
 
 # --- searches -----------------------------------------------------------------------------------------------------------------
@@ -110,7 +110,7 @@ def test_designs_are_the_best_of_all(count: int, name: str) -> None:
     for chosen in itertools.combinations_with_replacement(range(9), count):
         own = scaled[list(chosen)]
         best = max(best, criterion.log_phi(own.T @ own + known))
-    design = fp.exchange(problem(), count, criterion=name, prior_information=True, n_candidates=20)
+    design = fp.exchange(problem(), count, goal=fp.Goal(name, prior_information=True), n_candidates=20)
     assert criterion.log_phi(design.evaluation.information) >= best - 1e-6
     assert design.value == pytest.approx(criterion.value(design.evaluation.information))
     bound = design.efficiency
@@ -123,14 +123,14 @@ def test_designs_are_the_best_of_all(count: int, name: str) -> None:
 
 
 def test_the_bound_is_that_of_the_best_weights() -> None:
-    design = fp.exchange(problem(), 4, prior_information=True, **QUICK)
-    weights = fp.approximate(problem(), at(GRID), prior_information=True, n_experiments=4)
+    design = fp.exchange(problem(), 4, goal=fp.Goal(prior_information=True), **QUICK)
+    weights = fp.approximate(problem(), at(GRID), goal=fp.Goal(prior_information=True), n_experiments=4)
     assert design.efficiency.at_least == pytest.approx(weights.efficiency_of(design), abs=4e-3)
 
 
 def test_a_poor_design_is_not_said_to_be_good() -> None:
-    poor = fp.exchange(problem(), 6, prior_information=True, n_candidates=20, max_iterations=0, seed=3)
-    good = fp.exchange(problem(), 6, prior_information=True, seed=3, **QUICK)
+    poor = fp.exchange(problem(), 6, goal=fp.Goal(prior_information=True), n_candidates=20, max_iterations=0, seed=3)
+    good = fp.exchange(problem(), 6, goal=fp.Goal(prior_information=True), seed=3, **QUICK)
     assert poor.efficiency.at_least < 0.95
     assert poor.efficiency.at_least <= np.exp((poor.evaluation.log_det - good.evaluation.log_det) / 6) + 1e-6
 
@@ -141,7 +141,7 @@ def test_what_is_known_already_need_not_be_measured() -> None:
     region = fp.ExperimentRegion({"u": (-1, 1)})
     for std, expected in (({"a": 1e-3, "b": 10.0}, 1.0), ({"a": 10.0, "b": 1e-3}, None)):
         given = fp.DesignProblem(line, fp.GaussianPrior({"a": 0.0, "b": 0.0}, std), region, noise_std={"y": 0.1})
-        design = fp.exchange(given, 1, prior_information=True, **QUICK)
+        design = fp.exchange(given, 1, goal=fp.Goal(prior_information=True), **QUICK)
         if expected is not None:
             assert abs(design.points.u[0, 0]) == pytest.approx(expected)
         u = float(design.points.u[0, 0])
@@ -152,7 +152,7 @@ def test_what_is_known_already_need_not_be_measured() -> None:
 def test_beside_previous_points_and_over_scenarios() -> None:
     before, scenarios = at(GRID[:2]), [{}, {"c_3": 2.0}]
     over = fp.OverPrior("worst", scenarios=scenarios)
-    design = fp.exchange(problem(), 3, prior_information=True, previous=before, over=over, **QUICK)
+    design = fp.exchange(problem(), 3, goal=fp.Goal(prior_information=True, over=over), previous=before, **QUICK)
     together = fp.evaluate_design(problem(), design.points, previous=before, prior_information=True)
     assert design.evaluation.log_det == pytest.approx(together.log_det, abs=1e-12)
     assert design.evaluation.n_points == 5
@@ -164,10 +164,10 @@ def test_beside_previous_points_and_over_scenarios() -> None:
 
 
 def test_files_keep_it_and_repeat(tmp_path: Path) -> None:
-    design = fp.exchange(problem(), 3, prior_information=True, **QUICK)
+    design = fp.exchange(problem(), 3, goal=fp.Goal(prior_information=True), **QUICK)
     design.save(tmp_path)
     loaded = fp.Design.load(tmp_path)
-    assert loaded.settings == design.settings and loaded.settings.prior_information
+    assert loaded.settings == design.settings and loaded.settings.goal.prior_information
     assert loaded.evaluation.without_prior == design.evaluation.without_prior
     assert str(loaded.report()) == str(design.report())
     again = fp.exchange(loaded.problem, **vars(loaded.settings))
@@ -181,14 +181,14 @@ MICHAELIS_MENTEN = Path(__file__).parents[2] / "examples" / "michaelis_menten.to
 
 def test_a_toml_file_may_ask_for_it(tmp_path: Path) -> None:
     path = tmp_path / "with.toml"
-    path.write_text(MICHAELIS_MENTEN.read_text().replace("[design]", "[design]\nprior_information = true", 1))
-    assert load_config(path).exchange_settings()["prior_information"] is True
+    path.write_text(MICHAELIS_MENTEN.read_text().replace("[design]", "[goal]\nprior_information = true\n\n[design]", 1))
+    assert load_config(path).exchange_settings()["goal"].prior_information is True
 
 
 def test_a_campaign_counts_its_data_once() -> None:
     """From the second batch on the prior is the posterior, which has the data in it."""
     given = fp.load_problem(MICHAELIS_MENTEN)
-    campaign = fp.Campaign(given, batch=2, prior_information=True, **QUICK)
+    campaign = fp.Campaign(given, batch=2, goal=fp.Goal(prior_information=True), **QUICK)
     first = campaign.next()
     campaign.tell(fp.Measurements(first, fp.simulate(given.model, first, given.prior.mean).y))
     assert campaign.fit is not None

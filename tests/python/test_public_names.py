@@ -18,7 +18,9 @@ ALIASES = {*ARGUMENTS, "latch"}  # of equations as text
 
 OPTIONAL_AND_POSITIONAL = {
     "approximate": ["candidates"],
-    "criterion": ["name"],
+    "ExchangeMethod": ["name"],
+    "Goal": ["criterion"],
+    "criterion": ["goal"],
     "Campaign": ["batch"],
     "Experiments": ["dt"],
     "ExperimentRegion": ["constraints"],

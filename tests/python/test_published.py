@@ -37,7 +37,7 @@ def log_dets(problem: fp.DesignProblem, runs: fp.Runs, plants: Any) -> np.ndarra
 @pytest.mark.parametrize("published", PUBLISHED)
 def test_published_designs_of_the_yeast_have_the_published_values(published: float) -> None:
     case = yeast()
-    plants = case.options["over"].scenarios
+    plants = case.options["goal"].over.scenarios
     assert len(plants) == 128
     assert log_dets(case.problem, runs_of(PUBLISHED[published]), plants).mean() == pytest.approx(published, abs=1e-5)
 
@@ -45,9 +45,9 @@ def test_published_designs_of_the_yeast_have_the_published_values(published: flo
 def test_a_short_search_for_the_yeast_beats_both() -> None:
     """Over eight of the plants, by their mean."""
     case = yeast()
-    plants = case.options["over"].scenarios[::16]
+    plants = case.options["goal"].over.scenarios[::16]
     over = fp.OverPrior("log", scenarios=plants)
-    design = fp.design_runs(case.problem, 5, over=over, n_starts=2, n_candidates=100, confidence=None)
+    design = fp.design_runs(case.problem, 5, goal=fp.Goal(over=over, confidence=0.0), n_starts=2, n_candidates=100)
     found = log_dets(case.problem, design.runs, plants).mean()
     assert design.log_det - 2 * np.log(case.problem.std).sum() == pytest.approx(found, abs=1e-3)
     for settings in PUBLISHED.values():

@@ -155,7 +155,14 @@ def test_designs_of_runs_keep_what_their_region_says(seed: int) -> None:
         count = int(rng.integers(1, 4))
         confidence = float(rng.choice([0.5, 0.99])) if rng.random() < 0.5 else None
         design = fp.design_runs(
-            problem(region), count, n_starts=2, n_candidates=20, seed=seed, confidence=confidence, time_limit=60.0, threads=1
+            problem(region),
+            count,
+            n_starts=2,
+            n_candidates=20,
+            seed=seed,
+            goal=fp.Goal(confidence=confidence),
+            time_limit=60.0,
+            threads=1,
         )
     assert len(design.runs) == count
     check_runs(region, design.runs, whole_design=True)
@@ -179,7 +186,7 @@ def test_designs_of_points_keep_what_their_region_says(seed: int) -> None:
     region, count = point_region(rng), int(rng.integers(2, 7))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        options = {"confidence": 0.9} if seed % 3 == 0 else {"method": ("auto", "paper")[seed % 2]}
+        options = {"goal": fp.Goal(confidence=0.9)} if seed % 3 == 0 else {"method": ("auto", "paper")[seed % 2]}
         design = fp.exchange(problem(region), count, n_candidates=40, max_iterations=40, seed=seed, threads=1, **options)
         weights = fp.approximate(problem(region), seed=seed, threads=1, starts=50, n_candidates=300)
     for points in (design.points, weights.points, region.draw(MODEL, 50, seed=seed, decades=True)):

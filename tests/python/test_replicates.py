@@ -55,7 +55,7 @@ def test_a_value_that_would_fall_is_kept() -> None:
 def test_a_search_leaves_no_near_copies() -> None:
     model, mean, bounds, _ = ONE_FACTOR["one-compartment with absorption"]
     given = known_problem(model, mean, bounds)
-    design = fp.exchange(given, 9, n_candidates=15, references=False)
+    design = fp.exchange(given, 9, n_candidates=15, method=fp.ExchangeMethod(references=False))
     assert design.distinct_points == 3
     assert design.trace[-1].log_det == pytest.approx(design.evaluation.log_det, abs=1e-9)
     assert design.drawn == design.accepted + sum(design.rejected.values())

@@ -114,23 +114,21 @@ def test_any_pooled_design_is_warned_of(design: fp.Design) -> None:
     """Also where nothing is known of what it is worth; a design with another D is not."""
     text = words(to_text(report.design_report(with_changes(design, efficiency=None))))
     assert "the better it is optimised, the worse the estimates may be" in text and "docs/explanation/output_covariance.md" in text
-    assert "optimised" not in str(fp.exchange(problem(NOISE_STD, "noise"), 9, n_candidates=4, max_iterations=1, references=False))
+    assert "optimised" not in str(
+        fp.exchange(problem(NOISE_STD, "noise"), 9, n_candidates=4, max_iterations=1, method=fp.ExchangeMethod(references=False))
+    )
 
 
 @pytest.mark.parametrize(
     ("reason", "settings", "expected"),
     [
-        ("patience", {"patience": 7}, "no exchange for 7 iterations"),
+        ("patience", {"method": fp.ExchangeMethod(patience=7)}, "no exchange for 7 iterations"),
         ("time_limit", {"time_limit": 2.5}, "the time limit of 2.5 s"),
         ("interrupted", {}, "interrupted"),
     ],
 )
 def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
-    given = dict.fromkeys(["patience", "time_limit"]) | settings
-    kept = SimpleNamespace(
-        seed=0, n_candidates=5, max_iterations=4, method="paper", over=None, criterion="D", confidence=None, **given
-    )
-    changed = with_changes(design, stop_reason=reason, settings=kept)
+    changed = with_changes(design, stop_reason=reason, settings=replace(design.settings, **settings))
     assert expected in words(to_text(report.design_report(changed)))
 
 

@@ -149,7 +149,7 @@ def test_what_cannot_be_drawn_is_told(results: dict[str, Any], tmp_path: Path) -
     assert (tmp_path / "k.png").exists()
     static = fp.SymbolicModel([], ["a*u"], {}, {"u": "1"}, {"a": "1"}, {"y": "1"})
     prior, region = fp.GaussianPrior({"a": 1.0}, {"a": 0.1}), fp.ExperimentRegion({"u": (1.0, 2.0)})
-    design = fp.exchange(fp.DesignProblem(static, prior, region), 2, max_iterations=2, references=False)
+    design = fp.exchange(fp.DesignProblem(static, prior, region), 2, max_iterations=2, method=fp.ExchangeMethod(references=False))
     with pytest.raises(ValueError, match="kind: expected a model with states for 'trajectories'"):
         design.plot("trajectories")
     with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):

@@ -91,7 +91,7 @@ def test_a_locked_motor_tells_about_its_winding_alone() -> None:
     everything = fp.evaluate_design(points(), run())
     assert everything.rank == 2 and everything.log_det == -np.inf and everything.standard_errors is None
     assert left_open(everything.null_directions) == NOMINAL.keys() - TOLD
-    found = fp.exchange(points(), n_experiments=4, max_iterations=40, references=False).evaluation
+    found = fp.exchange(points(), n_experiments=4, max_iterations=40, method=fp.ExchangeMethod(references=False)).evaluation
     assert found.rank == 2 and left_open(found.null_directions) == NOMINAL.keys() - TOLD
     u = np.linspace(-1.0, 1.0, 5)
     given = fp.Experiments(np.zeros((20, 2)), np.tile(u, 4)[:, None], np.repeat([0.03, 0.1, 0.3, 1.0], 5))
@@ -132,7 +132,7 @@ def test_what_is_below_rounding_counts_nowhere(share: float, rank: int) -> None:
     assert evaluated.rank == rank and np.isfinite(evaluated.log_det) == (rank == 2)
     assert (evaluated.fisher[1, 1] == 0.0) == (rank == 1)
     for method in ("auto", "paper"):
-        found = fp.exchange(problem, n_experiments=3, max_iterations=20, method=method, references=False)
+        found = fp.exchange(problem, n_experiments=3, max_iterations=20, method=fp.ExchangeMethod(method, references=False))
         assert found.evaluation.rank == rank
     assert len(fp.approximate(problem, some).null_directions) == 2 - rank
     assert len(fp.exact(problem, some, 3).null_directions) == 2 - rank

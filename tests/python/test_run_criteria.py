@@ -12,7 +12,6 @@ import pytest
 import fisherpoint as fp
 from fisherpoint.design.average import Average
 from fisherpoint.design.configuration import load_config
-from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_slopes import linear_rows
 from fisherpoint.points.settings import Integration
@@ -39,14 +38,14 @@ def problem(segments: int = 4, std: dict[str, float] | None = None, **region: An
     return fp.DesignProblem(CART, prior, bounds, noise_std={"y": 0.05})
 
 
-def options(name: str) -> dict[str, Any]:
+def goal(name: str, **more: Any) -> fp.Goal:
     given: dict[str, dict[str, Any]] = {
         "c": {"of": "b / c"},
         "Ds": {"of": ["c"]},
         "I": {"of": "y", "conditions": fp.Experiments(x0=[[0.0, 0.0]], u=[[1.0]], dt=[3.0])},
         "A": {"scale": {"b": 0.1, "c": 0.5}},
     }
-    return given.get(name, {})
+    return fp.Goal(name, **given.get(name, {}), **more)
 
 
 def all_runs(count: int) -> fp.Runs:
@@ -62,12 +61,12 @@ def all_runs(count: int) -> fp.Runs:
 @pytest.mark.parametrize("name", ("D", *OTHERS))
 def test_runs_are_the_best_of_all(name: str, with_prior: bool) -> None:
     given = problem(levels={"u": [-1, 0, 1]})
-    criterion, best = fp.criterion(given, name, **options(name)), -np.inf
+    criterion, best = fp.criterion(given, goal(name)), -np.inf
     runs = all_runs(4)
     for k in range(len(runs)):
         f = fp.evaluate_design(given, runs[k : k + 1]).information + with_prior * np.eye(2)
         best = max(best, criterion.log_phi(f))
-    design = fp.design_runs(given, criterion=name, prior_information=with_prior, **QUICK, **options(name))
+    design = fp.design_runs(given, goal=goal(name, prior_information=with_prior), **QUICK)
     found = criterion.log_phi(design.evaluation.information)
     assert found == pytest.approx(best, abs=1e-5)
     assert design.log_det == pytest.approx(criterion.level * found, abs=1e-4)  # at the search's tolerance
@@ -80,8 +79,8 @@ def test_runs_are_the_best_of_all(name: str, with_prior: bool) -> None:
 @pytest.mark.parametrize("name", OTHERS)
 def test_none_by_another_criterion_is_better(name: str) -> None:
     given = problem(6)
-    own, usual = (fp.design_runs(given, 1, **QUICK, **asked) for asked in ({"criterion": name, **options(name)}, {}))
-    criterion = fp.criterion(given, name, **options(name))
+    own, usual = (fp.design_runs(given, 1, **QUICK, **asked) for asked in ({"goal": goal(name)}, {}))
+    criterion = fp.criterion(given, goal(name))
     gain = criterion.log_phi(own.evaluation.information) - criterion.log_phi(usual.evaluation.information)
     assert gain >= -1e-6
     assert own.evaluation.log_det <= usual.evaluation.log_det + 1e-4
@@ -95,8 +94,8 @@ def test_the_gradient_is_that_of_differences(name: str) -> None:
     assert isinstance(given.region, fp.RunRegion)
     coordinates = given.region.coordinates(CART)
     plants = given.theta * [[1.0, 1.0], [1.1, 0.8]]
-    aims = [aim_of(fp.criterion(given, name, **options(name)))] * 2
-    objective = RunObjective(given, coordinates, plants, Average.of_all(2), np.tile(np.eye(2), (2, 1, 1)), aims, FINE)
+    criteria = [fp.criterion(given, goal(name))] * 2
+    objective = RunObjective(given, coordinates, plants, Average.of_all(2), np.tile(np.eye(2), (2, 1, 1)), criteria, FINE)
     z = np.random.default_rng(0).uniform(0.3, 0.7, (2, len(coordinates)))
     linear = linear_rows(objective, z, None, True, np.random.default_rng(0))
     assert linear is not None
@@ -118,26 +117,26 @@ def test_the_gradient_is_that_of_differences(name: str) -> None:
 def test_samples_are_the_best_of_all(name: str) -> None:
     """Of one run that nothing can be changed about, three of eight instants."""
     given = problem(8, samples=3, levels={"u": [1]})
-    criterion, best = fp.criterion(given, name, **options(name)), -np.inf
+    criterion, best = fp.criterion(given, goal(name)), -np.inf
     whole = fp.Runs(x0=np.zeros((1, 2)), u=np.ones((1, 8, 1)), dt=np.full((1, 8), 0.5))
     for chosen in itertools.combinations(range(8), 3):
         measured = np.isin(np.arange(8), chosen)[None]
         best = max(best, criterion.log_phi(fp.evaluate_design(given, whole.measuring(measured)).information))
-    design = fp.design_runs(given, criterion=name, n_starts=1, n_candidates=20, **options(name))
+    design = fp.design_runs(given, goal=goal(name), n_starts=1, n_candidates=20)
     assert criterion.log_phi(design.evaluation.information) == pytest.approx(best, abs=1e-6)
 
 
 def test_over_the_prior_it_is_the_average_of_the_logarithms() -> None:
     given, scenarios = problem(levels={"u": [-1, 0, 1]}), [{}, {"c": 2.0}, {"b": 1.0}]
     over = fp.OverPrior("worst", scenarios=scenarios)
-    design = fp.design_runs(given, criterion="c", of="b / c", over=over, **QUICK)
+    design = fp.design_runs(given, goal=fp.Goal("c", of="b / c", over=over), **QUICK)
     best, values = -np.inf, []
     for k in range(81):
         values = []
         for one in scenarios:
             there = given.replace(prior=fp.GaussianPrior(MEAN | one, dict(given.prior.std)))
             f = fp.evaluate_design(there, all_runs(4)[k : k + 1]).information
-            values.append(fp.criterion(there, "c", of="b / c").log_phi(f))
+            values.append(fp.criterion(there, fp.Goal("c", of="b / c")).log_phi(f))
         best = max(best, min(values))
     assert design.log_det == pytest.approx(best, abs=1e-4)
     assert design.scenarios is not None
@@ -165,26 +164,26 @@ def unidentifiable(parameters: list[str]) -> fp.DesignProblem:
 
 
 def test_what_can_be_told_is_told_and_the_rest_is_named() -> None:
-    product = fp.design_runs(unidentifiable(["k", "a"]), criterion="c", of="k * a", **QUICK)
+    product = fp.design_runs(unidentifiable(["k", "a"]), goal=fp.Goal("c", of="k * a"), **QUICK)
     assert np.isfinite(product.value) and product.evaluation.rank == 1
     assert np.abs(product.runs.u).min() == pytest.approx(1.0)  # as much as goes, one way or the other
     assert "the runs determine criterion c, but not all parameters" in str(product.report())
-    rest = fp.design_runs(unidentifiable(["k", "a"]), criterion="A", **QUICK)
+    rest = fp.design_runs(unidentifiable(["k", "a"]), goal="A", **QUICK)
     assert np.isfinite(rest.log_det) and rest.value == pytest.approx(np.exp(-rest.log_det), rel=1e-4)
 
 
 def test_what_no_run_tells_is_an_error_that_names_it() -> None:
     with pytest.raises(ValueError, match=r"region: expected runs that determine criterion 'c', given none with information on"):
-        fp.design_runs(unidentifiable(["k", "a"]), criterion="c", of="k / a", **QUICK)
+        fp.design_runs(unidentifiable(["k", "a"]), goal=fp.Goal("c", of="k / a"), **QUICK)
     one = problem(1).replace(region=fp.RunRegion({"x": 0.0, "v": 0.0, "u": (-1, 1), "dt": (0.2, 2.0)}, 1))
     with pytest.raises(ValueError, match=r"n_runs: expected enough runs to determine .* given 1"):
-        fp.design_runs(one, criterion="A", **QUICK)
-    with_prior = fp.design_runs(one, criterion="A", prior_information=True, **QUICK)
+        fp.design_runs(one, goal="A", **QUICK)
+    with_prior = fp.design_runs(one, goal=fp.Goal("A", prior_information=True), **QUICK)
     assert np.isfinite(with_prior.log_det) and with_prior.evaluation.rank == 2
 
 
 def test_the_prior_holds_open_what_no_run_tells() -> None:
-    design = fp.design_runs(unidentifiable(["k", "a", "d"]), prior_information=True, **QUICK)
+    design = fp.design_runs(unidentifiable(["k", "a", "d"]), goal=fp.Goal(prior_information=True), **QUICK)
     assert np.isfinite(design.log_det)
     assert design.log_det == pytest.approx(np.linalg.slogdet(design.evaluation.information)[1], abs=1e-4)
     assert design.evaluation.standard_errors["d"] == pytest.approx(0.1, rel=1e-9)  # as before
@@ -193,46 +192,44 @@ def test_the_prior_holds_open_what_no_run_tells() -> None:
 
 def test_what_was_measured_before_counts_beside_the_prior() -> None:
     before = all_runs(4)[40:42]
-    design = fp.design_runs(problem(levels={"u": [-1, 0, 1]}), previous=before, prior_information=True, criterion="A", **QUICK)
+    design = fp.design_runs(problem(levels={"u": [-1, 0, 1]}), previous=before, goal=fp.Goal("A", prior_information=True), **QUICK)
     alone = sum(fp.evaluate_design(problem(), runs).information for runs in (before, design.runs))
     assert design.evaluation.information == pytest.approx(alone + np.eye(2), rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("asked", "expected"),
+    ("given", "expected"),
     [
-        ({"criterion": "B"}, "criterion: expected 'D', 'A'"),
-        ({"criterion": "c"}, "of: expected a function of the parameters as text"),
-        ({"of": "b"}, "of: expected none for criterion 'D'"),
-        ({"criterion": "I", "of": "y"}, "conditions: expected the points"),
-        ({"criterion": "A", "scale": {"b": 1.0}}, "scale"),
-        ({"prior_information": 1}, "prior_information: expected"),
+        ("B", "criterion: expected 'D', 'A'"),
+        ("c", "of: expected a function of the parameters as text"),
+        (fp.Goal("c", of="q"), "of: "),
+        (fp.Goal("A", scale={"b": 1.0}), "scale"),
     ],
 )
-def test_mistakes(asked: dict[str, Any], expected: str) -> None:
+def test_mistakes(given: str | fp.Goal, expected: str) -> None:
     with pytest.raises((ValueError, TypeError), match=expected):
-        fp.design_runs(problem(), **asked)
+        fp.design_runs(problem(), goal=given)
 
 
 # --- runs that are kept -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    "options_of", [{}, {"criterion": "c", "of": "b / c"}, {"over": fp.OverPrior("worst", scenarios=[{}, {"c": 2.0}])}]
+    "goal",
+    [fp.Goal(), fp.Goal("c", of="b / c"), fp.Goal(over=fp.OverPrior("worst", scenarios=[{}, {"c": 2.0}]))],
 )
-def test_kept_runs_stay_and_the_others_are_the_best_beside_them(options_of: dict[str, Any], tmp_path: Path) -> None:
+def test_kept_runs_stay_and_the_others_are_the_best_beside_them(goal: fp.Goal, tmp_path: Path) -> None:
     given, kept = problem(levels={"u": [-1, 0, 1]}), all_runs(4)[[7]]
-    design = fp.design_runs(given, 2, keep=kept, **QUICK, **options_of)
+    design = fp.design_runs(given, 2, keep=kept, goal=goal, **QUICK)
     assert len(design.runs) == 2 and np.array_equal(design.runs.u[0], kept.u[0]) and design.n_kept == 1
-    over = options_of.get("over")
-    scenarios = [{}] if over is None else [dict(one) for one in over.scenarios]
+    scenarios = [{}] if goal.over is None else [dict(one) for one in goal.over.scenarios]
     best = -np.inf
     for k in range(81):
         values = []
         for one in scenarios:
             there = given.replace(prior=fp.GaussianPrior(MEAN | one, dict(given.prior.std)))
             f = fp.evaluate_design(there, fp.Runs.join([kept, all_runs(4)[[k]]])).information
-            criterion = fp.criterion(there, options_of.get("criterion", "D"), of=options_of.get("of"))
+            criterion = fp.criterion(there, goal)
             values.append(criterion.level * criterion.log_phi(f))
         best = max(best, min(values))
     assert design.log_det == pytest.approx(best, abs=1e-4)
@@ -272,7 +269,7 @@ def test_kept_runs_that_leave_the_limits_are_refused() -> None:
 
 @pytest.mark.parametrize("name", ("A", "I", "Ds"))
 def test_files_keep_what_was_asked_and_repeat(name: str, tmp_path: Path) -> None:
-    design = fp.design_runs(problem(), criterion=name, prior_information=True, **QUICK, **options(name))
+    design = fp.design_runs(problem(), goal=goal(name, prior_information=True), **QUICK)
     design.save(tmp_path)
     loaded = fp.RunDesign.load(tmp_path)
     assert loaded.value == design.value and str(loaded.report()) == str(design.report())
@@ -286,7 +283,7 @@ CYLINDER_RUNS = Path(__file__).parents[2] / "examples" / "cylinder_runs.toml"
 def test_a_toml_file_asks_for_it(tmp_path: Path) -> None:
     path = tmp_path / "runs.toml"
     text = CYLINDER_RUNS.read_text()
-    assert "[design]" in text
-    path.write_text(text.replace("[design]", '[design]\ncriterion = "c"\nof = "E_oil"\nprior_information = true', 1))
+    assert "[goal]\n" in text
+    path.write_text(text.replace("[goal]\n", '[goal]\ncriterion = "c"\nof = "E_oil"\nprior_information = true\n', 1))
     settings = load_config(path).run_settings()
-    assert (settings["criterion"], settings["of"], settings["prior_information"]) == ("c", "E_oil", True)
+    assert settings["goal"] == fp.Goal("c", of="E_oil", prior_information=True, confidence=0.99)

@@ -77,7 +77,7 @@ def test_profiles_that_return_are_balanced() -> None:
 
 def test_the_share_that_is_asked_decides() -> None:
     problem = cart(1.0, segments=8)
-    designs = [fp.design_runs(problem, confidence=share, n_starts=2, n_candidates=60) for share in (0.5, 0.9, 0.99)]
+    designs = [fp.design_runs(problem, goal=fp.Goal(confidence=share), n_starts=2, n_candidates=60) for share in (0.5, 0.9, 0.99)]
     shares, values = [design.feasibility.share for design in designs], [design.log_det for design in designs]
     assert all(design.feasible for design in designs)
     assert values[0] > values[1] > values[2] and shares[0] < shares[1] < shares[2]
@@ -186,7 +186,7 @@ def test_holds_of_inputs_name_their_segments() -> None:
     problem = fp.load_problem(EXAMPLES / "cylinder_runs.toml")
     assert isinstance(problem.region, fp.RunRegion)
     problem = problem.replace(region=fp.RunRegion(problem.region.bounds, 6))
-    design = fp.design_runs(problem, confidence=None, **FEW)
+    design = fp.design_runs(problem, goal=fp.Goal(confidence=0.0), **FEW)
     (held,) = (section for section in design.report().sections if section.title == "Inputs that are held")
     assert held.rows[0][1].startswith("1") and sum(int(row[-1]) for row in held.rows) == 6
     widths = [len(line) for section in design.report().sections if section.columns for line in lines_of(section)]

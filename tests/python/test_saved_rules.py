@@ -11,7 +11,7 @@ import pytest
 import fisherpoint as fp
 from defaults import NAMES, PRIOR, problem, without_checksum
 
-QUICK: dict[str, Any] = {"n_experiments": 4, "n_candidates": 3, "max_iterations": 2, "references": False}
+QUICK: dict[str, Any] = {"n_experiments": 4, "n_candidates": 3, "max_iterations": 2, "method": fp.ExchangeMethod(references=False)}
 
 COVARIANCE = PRIOR.covariance
 COVARIANCE[7, 8] = COVARIANCE[8, 7] = 0.5 * PRIOR.std["V_0A"] * PRIOR.std["V_0B"]

@@ -10,7 +10,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Determinant
+from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.weights import optimal_weights
 from fisherpoint.design.points.candidate_archive import CandidateArchive
 from fisherpoint.information.candidates import CandidateSource
@@ -118,7 +118,9 @@ def test_a_designs_efficiency_is_at_least_what_it_says(method: str) -> None:
 
 
 def test_a_poor_design_is_not_said_to_be_good() -> None:
-    poor = fp.exchange(problem(), 3, n_candidates=200, max_iterations=1, max_redraws=50, local=0.0, method="paper").efficiency
+    poor = fp.exchange(
+        problem(), 3, n_candidates=200, max_iterations=1, method=fp.ExchangeMethod("paper", max_redraws=50, local=0.0)
+    ).efficiency
     assert poor is not None and poor.at_least is not None and poor.at_least < 0.9
 
 

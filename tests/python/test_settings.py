@@ -10,31 +10,42 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.settings import METHODS, MOST_ITERATIONS, RunSettings
+from fisherpoint.design.option import options_of
+from fisherpoint.design.settings import METHODS, MOST_ITERATIONS
 
 
 @pytest.mark.parametrize(
-    ("settings", "search"), [(fp.ExchangeSettings, fp.exchange), (fp.ExchangeSettings, fp.sweep), (RunSettings, fp.design_runs)]
+    ("settings", "search"), [(fp.ExchangeSettings, fp.exchange), (fp.ExchangeSettings, fp.sweep), (fp.RunSettings, fp.design_runs)]
 )
 def test_settings_have_the_defaults_of_their_search(settings: Any, search: Any) -> None:
     arguments = signature(search).parameters
-    defaults = {one.name: one.default for one in fields(settings) if one.default is not MISSING and one.name in arguments}
-    if search is fp.sweep:
-        del defaults["n_experiments"]  # of which there are several
-    assert defaults == {name: arguments[name].default for name in defaults} and len(defaults) > 5
+    made = {"goal": fp.Goal, "method": fp.ExchangeMethod}
+    for one in fields(settings):
+        if search is fp.sweep and one.name == "n_experiments":  # of which there are several
+            continue
+        default = arguments[one.name].default
+        assert one.default == (made[one.name](default) if one.name in made else default)
 
 
-def test_settings_without_arguments_are_those_of_a_search_without() -> None:
-    arguments = signature(fp.exchange).parameters
-    settings = fp.ExchangeSettings()
-    for name in (one.name for one in fields(settings) if one.name != "max_iterations"):
-        assert getattr(settings, name) == arguments[name].default
+@pytest.mark.parametrize("search", [fp.exchange, fp.sweep, fp.design_runs, fp.approximate, fp.exact, fp.best_pieces])
+def test_searches_take_a_goal_and_few_arguments(search: Any) -> None:
+    arguments = signature(search).parameters
+    assert arguments["goal"].default == "D" and len(arguments) <= 12
+
+
+@pytest.mark.parametrize("kind", [fp.Goal, fp.ExchangeMethod, fp.ExchangeSettings, fp.RunSettings])
+def test_each_option_has_words_and_a_default(kind: Any) -> None:
+    described = {one.name for one in options_of(kind)}
+    assert described | {"goal"} == {one.name for one in fields(kind)} | {"goal"}
+    assert all(one.default is not MISSING for one in options_of(kind))
+    assert all(one.words or one.name == "method" for one in options_of(kind))
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_iterations_are_those_of_the_method(method: str) -> None:
-    assert fp.ExchangeSettings(method=method).max_iterations == MOST_ITERATIONS[method]
-    assert fp.ExchangeSettings(method=method, max_iterations=3).max_iterations == 3
+    chosen = fp.ExchangeMethod(method)
+    assert fp.ExchangeSettings(method=chosen).max_iterations == MOST_ITERATIONS[method]
+    assert fp.ExchangeSettings(method=chosen, max_iterations=3).max_iterations == 3
 
 
 def test_the_docstring_says_how_many_iterations_there_are() -> None:
@@ -47,5 +58,6 @@ def test_the_docstring_says_how_many_iterations_there_are() -> None:
 
 @pytest.mark.parametrize(("method", "iterations"), [("auto", 800), ("paper", 200)])
 def test_a_search_has_that_many(method: str, iterations: int, decay_problem: fp.DesignProblem) -> None:
-    design = fp.exchange(decay_problem, n_experiments=2, n_candidates=2, method=method, references=False, time_limit=0.5)
+    chosen = fp.ExchangeMethod(method, references=False)
+    design = fp.exchange(decay_problem, n_experiments=2, n_candidates=2, method=chosen, time_limit=0.5)
     assert design.settings.max_iterations == iterations

@@ -10,9 +10,9 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.design.configuration import load_config
-from fisherpoint.design.optimality.aims import LogDetWithin, aim_of
-from fisherpoint.design.optimality.criteria import Determinant, Variance
-from fisherpoint.design.optimality.estimability import RUNS, restricted_aims
+from fisherpoint.design.optimality.determinant import Determinant
+from fisherpoint.design.optimality.estimability import RUNS, restricted_criteria
+from fisherpoint.design.optimality.variance import Variance
 from fisherpoint.information.combinations import combination
 from fisherpoint.information.null_space import null_directions
 from test_exact_criteria import blind
@@ -63,7 +63,7 @@ def test_a_design_of_an_unidentifiable_model_is_for_the_rest(method: str, tmp_pa
 
 def test_without_references_it_is_named_too() -> None:
     for method in ("auto", "paper"):
-        design = fp.exchange(blind(), 6, method=method, references=False, **QUICK)
+        design = fp.exchange(blind(), 6, method=fp.ExchangeMethod(method, references=False), **QUICK)
         assert len(design.not_told) == 1 and "information on 1.00 a - 0.50 b" in words(design)
 
 
@@ -74,7 +74,7 @@ def test_over_the_prior_what_is_determined_is_of_each_scenario() -> None:
     region = fp.ExperimentRegion({"u": (-1, 1), "v": (-1, 1)}, constraints=["u**2 + v**2 < 1"])
     given = fp.DesignProblem(model, prior, region, noise_std={"y": 1.0})
     scenarios = [{"a": 1.0}, {"a": 2.0}, {"b": 0.5}]
-    design = fp.exchange(given, 4, over=fp.OverPrior("log", scenarios=scenarios), **QUICK)
+    design = fp.exchange(given, 4, goal=fp.Goal(over=fp.OverPrior("log", scenarios=scenarios)), **QUICK)
     values = []
     for one in scenarios:
         a, b = one.get("a", 1.0), one.get("b", 1.0)
@@ -117,7 +117,7 @@ def test_of_too_few_points_no_efficiency_is_claimed(method: str, tmp_path: Path)
 
 def test_previous_points_close_what_few_points_leave_open() -> None:
     before = fp.Experiments(np.zeros((1, 0)), np.array([[0.0, 0.9]]))
-    design = fp.exchange(blind(), 1, previous=before, singular="estimable", **QUICK)
+    design = fp.exchange(blind(), 1, previous=before, goal=fp.Goal(singular="estimable"), **QUICK)
     assert not design.too_few and abs(design.points.u[0, 0]) > 0.99
     assert design.efficiency is not None and design.efficiency.at_least == pytest.approx(1, abs=0.01)
 
@@ -127,7 +127,7 @@ def test_previous_points_close_what_few_points_leave_open() -> None:
 
 @pytest.mark.parametrize("method", ("auto", "paper"))
 def test_one_error_says_what_is_open_and_what_helps(method: str) -> None:
-    asked: dict[str, Any] = QUICK | {"method": method, "singular": "error", "references": False}
+    asked: dict[str, Any] = QUICK | {"method": fp.ExchangeMethod(method, references=False), "goal": fp.Goal(singular="error")}
     with pytest.raises(
         ValueError, match=r"^region: .*'error'.* information on 1.00 a - 0.50 b, in prior std: estimate fewer.*outputs"
     ):
@@ -136,26 +136,26 @@ def test_one_error_says_what_is_open_and_what_helps(method: str) -> None:
     with pytest.raises(ValueError, match=r"^n_experiments: .*2 parameters.*given 1, which leave some.*take more points"):
         fp.exchange(identified, 1, **asked)
     assert np.isfinite(fp.exchange(identified, 2, **asked).evaluation.log_det)
-    assert fp.exchange(blind(), 4, criterion="c", of="a + b", **QUICK, singular="error").settings.singular == "error"
+    assert fp.exchange(blind(), 4, goal=fp.Goal("c", of="a + b", singular="error"), **QUICK).settings.goal.singular == "error"
     with pytest.raises(ValueError, match=r"^singular: expected 'estimable' or 'error', given 'ridge'"):
-        fp.exchange(blind(), 6, singular="ridge")
+        fp.exchange(blind(), 6, goal=fp.Goal(singular="ridge"))
 
 
 def test_approximate_designs_and_sweeps_raise_it_too() -> None:
     with pytest.raises(ValueError, match=r"^candidates: .*'error'.* information on 1.00 a - 0.50 b, in prior std"):
-        fp.approximate(blind(), n_candidates=50, starts=5, singular="error")
+        fp.approximate(blind(), n_candidates=50, starts=5, goal=fp.Goal(singular="error"))
     for method in ("auto", "paper"):
         with pytest.raises(ValueError, match=r"^region: .*'error'.* information on 1.00 a - 0.50 b"):
-            fp.sweep(blind(), (4, 6), singular="error", method=method, **QUICK)
+            fp.sweep(blind(), (4, 6), goal=fp.Goal(singular="error"), method=method, **QUICK)
     with pytest.raises(ValueError, match=r"^region: .*'error'.* information on 1.00 a - 0.50 b"):
-        fp.Campaign(blind(), 4, singular="error", **QUICK).next()
+        fp.Campaign(blind(), 4, goal=fp.Goal(singular="error"), **QUICK).next()
 
 
 def test_a_file_says_it(tmp_path: Path) -> None:
     path = tmp_path / "one.toml"
     text = Path("examples/michaelis_menten.toml").read_text(encoding="utf-8")
-    path.write_text(text.replace("[design]", '[design]\nsingular = "error"', 1), encoding="utf-8")
-    assert load_config(path).exchange_settings()["singular"] == "error"
+    path.write_text(text.replace("[design]", '[goal]\nsingular = "error"\n\n[design]', 1), encoding="utf-8")
+    assert load_config(path).exchange_settings()["goal"].singular == "error"
 
 
 # --- several sizes --------------------------------------------------------------------------------------------------------------
@@ -181,26 +181,26 @@ def test_a_sweep_is_of_what_can_be_estimated(method: str, tmp_path: Path) -> Non
 # --- what it is made of ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_aim_of_what_is_determined_is_log_det_in_any_coordinates() -> None:
+def test_the_objective_of_what_is_determined_is_log_det_in_any_coordinates() -> None:
     rng = np.random.default_rng(0)
     span = np.linalg.qr(rng.standard_normal((4, 3)))[0]
     rows = rng.standard_normal((9, 3)) @ span.T
     fisher, columns = rows[:5].T @ rows[:5], rows[5:, :, None].transpose(1, 2, 0)
-    aim = aim_of(Determinant("D", np.eye(4), True).restricted(span))
-    assert isinstance(aim, LogDetWithin) and aim.level == 3
+    criterion = Determinant("D", np.eye(4), True).restricted(span)
+    assert criterion.of_all and not criterion.plain and criterion.level == 3
 
     def value(matrix: np.ndarray) -> float:
         return float(np.linalg.slogdet(span.T @ matrix @ span)[1])
 
-    assert aim.value(fisher) == pytest.approx(value(fisher))
+    assert criterion.objective(fisher) == pytest.approx(value(fisher))
     factor = np.linalg.cholesky(fisher + np.eye(4))
-    inside = aim.within(factor)
+    inside = criterion.in_coordinates(factor)
     moved = np.linalg.solve(factor, np.linalg.solve(factor, fisher).T)
     there = np.linalg.solve(factor, columns[:, 0])[:, None]
-    for one, f, w in ((aim, fisher, columns), (inside, moved, there)):
+    for one, f, w in ((criterion, fisher, columns), (inside, moved, there)):
         expected = [value(fisher + columns[:, :, k] @ columns[:, :, k].T) for k in range(4)]
         np.testing.assert_allclose(np.log(one.added(f, w)) + one.offset(f, factor), expected, rtol=1e-9)
-    found, slope = aim.slope(fisher, rows)
+    found, slope = criterion.objective_slope(fisher, rows)
     step = 1e-6 * np.outer(rows[7], rows[7])
     assert found == pytest.approx(value(fisher))
     assert slope[7] @ rows[7] == pytest.approx((value(fisher + step) - value(fisher - step)) / 2e-6, rel=1e-6)
@@ -238,16 +238,16 @@ def test_one_candidate_among_many_may_tell_more(among: int) -> None:
     rows = np.zeros((1, among + 2, 2, 3))
     rows[0, :, 0, 2] = 1.0
     rows[0, 1, :, :2] = np.eye(2)
-    asked = aim_of(Variance("A", np.eye(3), True))
-    aims, _ = restricted_aims(blind(), [asked], rows, np.zeros((1, 3, 3)), 2, "error", RUNS)
-    assert aims[0].criterion.name == "A"
+    asked = Variance("A", np.eye(3), True)
+    criteria, _ = restricted_criteria(blind(), [asked], rows, np.zeros((1, 3, 3)), 2, "error", RUNS)
+    assert criteria[0].name == "A"
     with pytest.raises(ValueError, match="as singular = 'error' asks, given 1, which leave some"):
-        restricted_aims(blind(), [asked], rows, np.zeros((1, 3, 3)), 1, "error", RUNS)
+        restricted_criteria(blind(), [asked], rows, np.zeros((1, 3, 3)), 1, "error", RUNS)
 
 
 def test_what_is_known_counts_however_well_it_is_known() -> None:
     rows = np.zeros((1, 5, 1, 3))
     rows[0, :, 0, 2] = 1.0
     known = np.diag([1e22, 1.0, 0.0])[None]
-    aims, spaces = restricted_aims(blind(), [aim_of(Variance("A", np.eye(3), True))], rows, known, 1, "error", RUNS)
-    assert aims[0].criterion.name == "A" and spaces[0].rank == 3
+    criteria, spaces = restricted_criteria(blind(), [Variance("A", np.eye(3), True)], rows, known, 1, "error", RUNS)
+    assert criteria[0].name == "A" and spaces[0].rank == 3

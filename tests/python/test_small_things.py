@@ -57,9 +57,9 @@ def test_a_prior_that_takes_the_other_sign_is_named(log: bool, over: bool) -> No
     problem = fp.DesignProblem(
         DIFFUSION, prior, region, noise_std={"y": 0.01}, output_covariance="noise" if over else "pooled", rule=fp.TensorGrid(3)
     )
-    settings = {"n_experiments": 4, "n_candidates": 5, "max_iterations": 1, "references": False}
+    settings = {"n_experiments": 4, "n_candidates": 5, "max_iterations": 1, "method": fp.ExchangeMethod(references=False)}
     if over:
-        settings["over"] = fp.OverPrior("log", scenarios=fp.GaussHermite(3))
+        settings["goal"] = fp.Goal(over=fp.OverPrior("log", scenarios=fp.GaussHermite(3)))
     if log:
         assert len(fp.exchange(problem, **settings).points) == 4
         return

@@ -253,7 +253,9 @@ def test_kinks_are_excluded_exactly_where_the_valve_passes_its_centre() -> None:
 
 
 def test_a_design_without_kinks_has_none() -> None:
-    design = fp.exchange(problem(kinks="exclude"), n_experiments=9, n_candidates=5, max_iterations=3, references=False)
+    design = fp.exchange(
+        problem(kinks="exclude"), n_experiments=9, n_candidates=5, max_iterations=3, method=fp.ExchangeMethod(references=False)
+    )
     assert design.rejected["met_kink"] > 0
     assert not fp.simulate(MODEL, design.points, MODEL.nominal, kinks="exclude").status.any()
 
@@ -340,8 +342,7 @@ def test_the_counts_of_a_design_are_those_of_its_draws(
         n_experiments=6,
         n_candidates=8,
         max_iterations=10,
-        references=False,
-        local=local,
+        method=fp.ExchangeMethod(references=False, local=local),
     )
     (source,) = sources
     spare = set() if source._spare is None else {row.tobytes() for row in source._spare.points.table}
@@ -386,7 +387,7 @@ def test_draws_on_a_surface_are_counted_by_its_name(monkeypatch: pytest.MonkeyPa
         n_experiments=3,
         n_candidates=4,
         max_iterations=2,
-        references=False,
+        method=fp.ExchangeMethod(references=False),
     )
     assert design.rejected["starts on v = 0"] == 2 * design.rejected["starts on x_v = 0"] > 0
     assert design.drawn == design.accepted + sum(design.rejected.values())
@@ -401,7 +402,7 @@ def test_a_region_may_reach_past_where_a_surface_has_a_value(kinks: str) -> None
     region = fp.ExperimentRegion({"x": (0.2, 3.0), "u": (0.0, 2.0), "dt": (0.1, 2.0)})
     prior = fp.GaussianPrior(mean={"k": 0.3, "c": 0.5}, relative_std={"k": 0.1, "c": 0.1})
     of = fp.DesignProblem(model, prior, region, noise_std={"y": 0.01}, kinks=kinks)
-    design = fp.exchange(of, n_experiments=4, max_iterations=20, references=False)
+    design = fp.exchange(of, n_experiments=4, max_iterations=20, method=fp.ExchangeMethod(references=False))
     assert design.rejected["left_domain"] > 0 and (design.points.x0 > 1).all()
     outside = fp.Experiments([[0.5], [2.0]], [[0.0], [0.0]], [0.1, 0.1])
     status = fp.simulate(model, outside, [0.3, 0.5], kinks=kinks).status

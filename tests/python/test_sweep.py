@@ -85,7 +85,7 @@ def test_designs_get_better_along_the_sizes() -> None:
     """What a search of one size finds alone is hardly better."""
     given = cylinder()
     found = fp.sweep(given, (9, 10, 12), n_candidates=10, max_iterations=40)
-    alone = fp.exchange(given, 12, n_candidates=10, max_iterations=40, references=False)
+    alone = fp.exchange(given, 12, n_candidates=10, max_iterations=40, method=fp.ExchangeMethod(references=False))
     assert found[12].evaluation.log_det > alone.evaluation.log_det - 9 * 0.1
     assert found[9].information < found[10].information < found[12].information
 
@@ -138,15 +138,15 @@ def test_candidates_of_the_next_size_are_chosen_by_the_criterion_at_the_mean(mon
     asked, best = [], CandidateArchive.best
 
     def noted(seen: CandidateArchive, *given: Any) -> Any:
-        asked.extend(aim.criterion for aim in seen.aims)
+        asked.extend(criterion for criterion in seen.criteria)
         return best(seen, *given)
 
     monkeypatch.setattr(CandidateArchive, "best", noted)
     problem = fp.load_problem(EXAMPLES / "michaelis_menten.toml")
     over = fp.OverPrior("log", scenarios=[{"K": 0.2}, {}])
-    found = fp.sweep(problem, [2, 3], criterion="c", of="V / K", over=over, n_candidates=10, max_iterations=8)
+    found = fp.sweep(problem, [2, 3], goal=fp.Goal("c", of="V / K", over=over), n_candidates=10, max_iterations=8)
     assert len(asked) == 1 and found[3].at_least is not None
-    np.testing.assert_array_equal(asked[0].k, fp.criterion(problem, "c", of="V / K").k)
+    np.testing.assert_array_equal(asked[0].k, fp.criterion(problem, fp.Goal("c", of="V / K")).k)
 
 
 def test_an_interrupt_before_the_first_is_done_keeps_the_best_so_far(tmp_path: Path) -> None:
@@ -218,56 +218,55 @@ def test_misuse_is_told(found: fp.Sweep) -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
+    "goal",
     [
-        {"criterion": "c", "of": "V / K"},
-        {"criterion": "A"},
-        {"criterion": "E"},
-        {"over": fp.OverPrior("worst", scenarios=[{}, {"K": 0.2}])},
-        {"criterion": "c", "of": "V / K", "over": fp.OverPrior("log", scenarios=[{}, {"K": 0.2}])},
-        {"prior_information": True},
-        {"criterion": "A", "prior_information": True},
+        fp.Goal("c", of="V / K"),
+        fp.Goal("A"),
+        fp.Goal("E"),
+        fp.Goal(over=fp.OverPrior("worst", scenarios=[{}, {"K": 0.2}])),
+        fp.Goal("c", of="V / K", over=fp.OverPrior("log", scenarios=[{}, {"K": 0.2}])),
+        fp.Goal(prior_information=True),
+        fp.Goal("A", prior_information=True),
     ],
 )
-def test_sizes_are_those_of_exchange(options: dict[str, Any], tmp_path: Path) -> None:
+def test_sizes_are_those_of_exchange(goal: fp.Goal, tmp_path: Path) -> None:
     problem = fp.load_problem(EXAMPLES / "michaelis_menten.toml")
-    found = fp.sweep(problem, [2, 3, 5], n_candidates=20, **options)
-    with_prior = options.get("prior_information", False)
+    found = fp.sweep(problem, [2, 3, 5], n_candidates=20, goal=goal)
     for of in found.designs:
         size = len(of.points)
-        alone = fp.exchange(problem, size, n_candidates=20, **options)
+        alone = fp.exchange(problem, size, n_candidates=20, goal=goal)
         level = alone.criterion.level
         value = alone.trace[-1].log_det + level * np.log(size / 2)
         assert of.information == pytest.approx(value, abs=2e-3 * level)
         assert of.evaluation.log_det == pytest.approx(
-            fp.evaluate_design(problem, of.points, prior_information=with_prior).log_det, abs=1e-9
+            fp.evaluate_design(problem, of.points, prior_information=goal.prior_information).log_det, abs=1e-9
         )
         assert of.at_least is not None and alone.efficiency is not None and of.at_most is not None
         assert of.at_least == pytest.approx(alone.efficiency.at_least, abs=2e-2) and of.at_least <= 1 + 1e-9
-        if options == {"criterion": "c", "of": "V / K"}:
+        if goal == fp.Goal("c", of="V / K"):
             assert of.mean_error == pytest.approx(np.sqrt(alone.value), rel=1e-3)
-        if options == {"criterion": "A", "prior_information": True}:
+        if goal == fp.Goal("A", prior_information=True):
             assert of.mean_error == pytest.approx(np.sqrt(alone.value), rel=1e-3)
     assert found[5].mean_error < found[3].mean_error < found[2].mean_error and found.knee is not None
     found.save(tmp_path / "sweep.json")
     again = fp.Sweep.load(tmp_path / "sweep.json")
     assert str(again.report()) == str(found.report()) and again.settings == found.settings
-    assert ("prior's information counts" in str(found.report())) == with_prior
+    assert ("prior's information counts" in str(found.report())) == goal.prior_information
 
 
 def test_sizes_that_cannot_tell_what_is_asked_are_an_error() -> None:
     problem = fp.load_problem(EXAMPLES / "michaelis_menten.toml")
     with pytest.raises(ValueError, match="n_experiments: expected enough points to determine"):
-        fp.sweep(problem, [1, 2], criterion="c", of="V / K", n_candidates=20, max_iterations=20)
+        fp.sweep(problem, [1, 2], goal=fp.Goal("c", of="V / K"), n_candidates=20, max_iterations=20)
     with pytest.raises(ValueError, match="n_experiments: expected enough points to determine 2 parameters, as singular = 'error'"):
-        fp.sweep(problem, [1, 2], criterion="A", singular="error", n_candidates=20, max_iterations=20)
+        fp.sweep(problem, [1, 2], goal=fp.Goal("A", singular="error"), n_candidates=20, max_iterations=20)
     with pytest.raises(ValueError, match='over: expected method = "auto"'):
-        fp.sweep(problem, [2], over=fp.OverPrior("log"), method="paper")
+        fp.sweep(problem, [2], goal=fp.Goal(over=fp.OverPrior("log")), method="paper")
 
 
 def test_sizes_that_cannot_tell_all_are_chosen_by_log_det() -> None:
     """Nothing is claimed of them; those after them are by the criterion."""
-    found = fp.sweep(quadratic(), [2, 3, 4], criterion="A", n_candidates=10, max_iterations=30)
+    found = fp.sweep(quadratic(), [2, 3, 4], goal="A", n_candidates=10, max_iterations=30)
     few, enough, more = found.designs
     assert few.evaluation.rank == 2 and few.information == -np.inf and few.at_least is None
     assert enough.at_least is not None and more.information > enough.information and not found.not_told
@@ -275,22 +274,23 @@ def test_sizes_that_cannot_tell_all_are_chosen_by_log_det() -> None:
         assert of.mean_error**2 == pytest.approx(np.trace(np.linalg.inv(of.evaluation.information)), rel=1e-6)
 
 
-@pytest.mark.parametrize("options", [{"criterion": "A"}, {"over": fp.OverPrior("log", scenarios=[{}, {"a": 2.0}])}])
-def test_criteria_ask_for_what_can_be_told(options: dict[str, Any]) -> None:
+@pytest.mark.parametrize("goal", [fp.Goal("A"), fp.Goal(over=fp.OverPrior("log", scenarios=[{}, {"a": 2.0}]))])
+def test_criteria_ask_for_what_can_be_told(goal: fp.Goal) -> None:
     model = fp.SymbolicModel([], ["(a + b) * x"], states={}, inputs={"x": "1"}, outputs={"y": "1"}, parameters={"a": "1", "b": "1"})
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 2.0})
     problem = fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (-1.0, 1.0)}), noise_std={"y": 0.5})
-    found = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, **options)
+    found = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, goal=goal)
     (left,) = found.not_told
     assert left["a"] / left["b"] == pytest.approx(-2.0, rel=1e-6)
     for of in found.designs:
         assert np.abs(of.points.u) == pytest.approx(1.0, abs=1e-6)
         assert of.at_least == pytest.approx(1.0, abs=5e-3)
         assert of.mean_error**2 == pytest.approx(0.25 / 5 / len(of.points), rel=1e-5)  # of a + 2 b, in units of its length
-    with_prior = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, prior_information=True, singular="error", **options)
+    strict = replace(goal, singular="error")
+    with_prior = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, goal=replace(strict, prior_information=True))
     assert not with_prior.not_told and with_prior.ridge == 0 and with_prior[1].evaluation.rank == 2
     with pytest.raises(ValueError, match=r"^region: expected points that determine all parameters, as singular = 'error' asks"):
-        fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, singular="error", **options)
+        fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, goal=strict)
 
 
 # --- the command --------------------------------------------------------------------------------------------------------
@@ -326,14 +326,14 @@ def test_the_command_writes_every_size(tmp_path: Path, capsys: pytest.CaptureFix
 
 def test_the_command_has_the_criteria_of_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, out = tmp_path / "problem.toml", tmp_path / "sizes"
-    asked = 'max_iterations = 24\nn_candidates = 5\ncriterion = "c"\nof = "V / K"\nover = "log"\nscenarios = 2'
+    asked = 'max_iterations = 24\nn_candidates = 5\n\n[goal]\ncriterion = "c"\nof = "V / K"\nover = "log"\nscenarios = 2'
     file.write_text((EXAMPLES / "michaelis_menten.toml").read_text().replace("max_iterations = 200", asked))
     with pytest.raises(SystemExit) as left:
         cli.main(["sweep", str(file), "-L", "2,3", "-o", str(out), "--no-plots"])
     printed = capsys.readouterr()
     assert left.value.code == 0, printed.err
     settings = fp.Sweep.load(out / "sweep.json").settings
-    assert settings is not None and (settings.criterion, settings.of) == ("c", "V / K") and settings.over is not None
+    assert settings is not None and settings.goal == fp.Goal("c", of="V / K", over=fp.OverPrior("log", scenarios=fp.Sobol(2)))
 
 
 @pytest.mark.parametrize(

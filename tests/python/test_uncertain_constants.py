@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.optimality.aims import aim_of
 from fisherpoint.information.nuisance import beside_nuisance, marginal_rows
 from oracle import Floats
 
@@ -195,17 +194,17 @@ def dense(points: fp.Experiments) -> Floats:
 @pytest.mark.parametrize(("name", "of"), CRITERIA)
 def test_searches_maximise_what_is_reported(name: str, of: Any) -> None:
     """A design for uncertain constants is better by its own criterion than one that takes them for exact, and is bounded."""
-    quick: dict[str, Any] = {"n_candidates": 10, "max_iterations": 12, "criterion": name, "of": of}
+    quick: dict[str, Any] = {"n_candidates": 10, "max_iterations": 12, "goal": fp.Goal(name, of=of)}
     aware = fp.exchange(decay(uncertain=STD), 5, **quick)
     blind = fp.exchange(decay(), 5, **quick)
-    criterion = fp.criterion(decay(), name, of=of)
+    criterion = fp.criterion(decay(), fp.Goal(name, of=of))
     log_phi = {key: criterion.log_phi(dense(design.points)) for key, design in {"aware": aware, "blind": blind}.items()}
     assert log_phi["aware"] >= log_phi["blind"] - 1e-3
     assert aware.efficiency is not None and aware.efficiency.at_least is not None
     assert 0.5 < aware.efficiency.at_least <= 1 + 1e-9
     # The certificate holds for designs of the same size that were found in another way.
     candidates = fp.Experiments.join([drawn(150, seed=7), aware.points])
-    weights = fp.approximate(decay(uncertain=STD), candidates, criterion=name, of=of, n_experiments=5)
+    weights = fp.approximate(decay(uncertain=STD), candidates, goal=fp.Goal(name, of=of), n_experiments=5)
     assert weights.efficiency > 0.999
     share = weights.efficiency_of(aware.points)
     assert 0.5 < share <= 1.0
@@ -216,7 +215,7 @@ def test_searches_maximise_what_is_reported(name: str, of: Any) -> None:
 def test_the_paper_s_search_maximises_it_too() -> None:
     for kind in ("noise", "region", "pooled", "pointwise"):
         given = decay(uncertain=STD, output_covariance=kind, rule=fp.SparseGaussHermite(2))
-        design = fp.exchange(given, 5, method="paper", n_candidates=20, max_iterations=40, references=False)
+        design = fp.exchange(given, 5, method=fp.ExchangeMethod("paper", references=False), n_candidates=20, max_iterations=40)
         assert design.trace[-1].log_det == pytest.approx(design.evaluation.log_det, abs=1e-9)
         assert all(after.log_det >= before.log_det for before, after in zip(design.trace, design.trace[1:], strict=False))
 
@@ -234,7 +233,7 @@ def test_exact_designs_of_candidates_are_the_best_of_all() -> None:
 def test_runs_are_designed_for_it() -> None:
     region = fp.RunRegion({"x": 0.0, "u": (0.0, 1.0), "dt": 0.5}, segments=6)
     given = decay(uncertain=STD).replace(region=region, rtol=1e-6)
-    design = fp.design_runs(given, 2, n_starts=2, n_candidates=40, confidence=None)
+    design = fp.design_runs(given, 2, n_starts=2, n_candidates=40, goal=fp.Goal(confidence=0.0))
     assert design.evaluation.standard_errors is not None
     np.testing.assert_allclose(list(design.evaluation.standard_errors.values()), joint_errors(design.runs, STD), rtol=1e-4)
     n = design.evaluation.n_points
@@ -285,7 +284,7 @@ def test_criteria_beside_nuisance_are_those_of_the_marginal_information(name: st
     whole[2:, 2:] += np.eye(2)
     given = decay(uncertain=STD)
     of = {"Ds": "k", "c": "b / k"}.get(name)
-    own = fp.criterion(given, name, of=of)
+    own = fp.criterion(given, fp.Goal(name, of=of))
     beside = own.beside_nuisance(2)
     own_information = marginal(whole)
     assert beside.log_phi(whole) == pytest.approx(own.log_phi(own_information), abs=1e-12)
@@ -302,12 +301,12 @@ def test_criteria_beside_nuisance_are_those_of_the_marginal_information(name: st
         by_difference = (scale[0] * moved[0].along(matrices) - scale[1] * moved[1].along(matrices)) / (2 * step)
         np.testing.assert_allclose(slope.curvature(matrices)[0], by_difference, rtol=2e-4, atol=1e-9)
     factor = np.linalg.cholesky(whole + 0.3 * np.eye(4))
-    for aim, inside in ((aim_of(beside), lambda m: m), (aim_of(beside).within(factor), lambda m: np.linalg.solve(factor, m))):
+    for criterion, inside in ((beside, lambda m: m), (beside.in_coordinates(factor), lambda m: np.linalg.solve(factor, m))):
         here = inside(inside(whole).T)
-        added = aim.added_exactly(here, np.stack([inside(more[:, :, k]) for k in range(50)], axis=2))
+        added = criterion.added_exactly(here, np.stack([inside(more[:, :, k]) for k in range(50)], axis=2))
         expected = [own.level * own.log_phi(marginal(whole + w @ w.T)) for w in more.transpose(2, 0, 1)]
         np.testing.assert_allclose(np.diff(np.log(added)), np.diff(expected), atol=1e-9)
-        value, by_rows = aim.slope(here, inside(rows.T).T)
+        value, by_rows = criterion.objective_slope(here, inside(rows.T).T)
         if name != "ME" and name != "E":  # which are smoothed here
             assert value == pytest.approx(own.level * own.log_phi(own_information), abs=1e-9)
         assert by_rows.shape == rows.shape

@@ -11,11 +11,13 @@ import fisherpoint as fp
 from fisherpoint.basics.values import Array
 from fisherpoint.design.optimality.averaged import Averaged, EstimableOver
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Criterion, Determinant, Variance
+from fisherpoint.design.optimality.criteria import Criterion
+from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.eigenvalue_criteria import Scaled, SmallestEigenvalue
 from fisherpoint.design.optimality.estimable import estimable
 from fisherpoint.design.optimality.inner import mean_of
 from fisherpoint.design.optimality.interior import best_weights
+from fisherpoint.design.optimality.variance import Variance
 from fisherpoint.design.optimality.weights import optimal_weights
 from test_over_prior import KINDS, average_of
 
@@ -95,7 +97,7 @@ def test_what_cannot_be_reached_is_told() -> None:
     assert 1 - 1e-3 < found.efficiency < 1 - 1e-12
 
 
-@pytest.mark.parametrize("options", [{"criterion": "E"}, {"criterion": "E", "n_candidates": 500}])
+@pytest.mark.parametrize("options", [{"goal": "E"}, {"goal": "E", "n_candidates": 500}])
 def test_designs_for_the_least_eigenvalue_have_their_certificate(options: dict[str, object]) -> None:
     problem = fp.load_problem(Path(__file__).parents[2] / "examples" / "michaelis_menten.toml")
     assert fp.approximate(problem, **options).efficiency > 1 - 1e-5  # type: ignore[arg-type]

@@ -141,10 +141,10 @@ def code_lines() -> int:
 #: What is counted, and the most that is allowed.
 LIMITS: dict[Callable[[], int], int] = {
     checks_of_points: 24,
-    protocols: 24,
-    json_functions: 39,
-    long_signatures: 12,
-    shared_class_names: 12,
+    protocols: 20,
+    json_functions: 35,
+    long_signatures: 6,
+    shared_class_names: 10,
     dialect: 30,
     hanging_docstrings: 5,
     search_constants: 316,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -42,7 +42,7 @@ class Kept:
     def _file(self) -> str:
         """The text of the file."""
         head = {"format": _format(type(self)), "format_version": self.FORMAT_VERSION}
-        return sealed_json(head | {"content": _encoded(self, self._CODEC)})
+        return sealed_json(head | {"content": encoded(self, self._CODEC)})
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -63,9 +63,7 @@ class Kept:
 
     @classmethod
     def _from_content(cls, data: dict[str, Any]) -> Self:
-        kinds = {kind.__name__: kind for kind in (cls, *cls._INSIDE)}
-        codec = {kind.__name__: decode for kind, (_, decode) in cls._CODEC.items()}
-        found = _Decoder(kinds, codec).decoded(data["content"], "")
+        found = decoded(data["content"], (cls, *cls._INSIDE), cls._CODEC, "")
         if not isinstance(found, cls):
             raise ValueError(f"expected a {cls.__name__}, given {shown(found)}")
         check_declared(found)
@@ -74,6 +72,12 @@ class Kept:
 
     def _check_content(self) -> None:
         """Raise ValueError where entries do not fit each other in a way that a declaration has no words for."""
+
+
+def decoded(data: Any, kinds: Iterable[type], codec: Codec, place: str) -> Any:
+    """What `encoded` wrote, of these dataclasses; `place` names it in messages."""
+    readers = {kind.__name__: decode for kind, (_, decode) in codec.items()}
+    return _Decoder({kind.__name__: kind for kind in kinds}, readers).decoded(data, place)
 
 
 def _renamed(data: Any, names: Mapping[str, str]) -> Any:
@@ -89,28 +93,29 @@ def _format(kind: type) -> str:
     return f"fisherpoint {kind.__name__}"
 
 
-def _encoded(value: Any, codec: Codec) -> Any:
+def encoded(value: Any, codec: Codec) -> Any:
+    """What JSON has of dataclasses, numbers, texts, arrays and mappings, and of the types of a codec."""
     if value is None or isinstance(value, str | bool | int):
         return value
     if isinstance(value, float):
         return value if math.isfinite(value) else {"float": repr(float(value))}
     if isinstance(value, np.generic):
-        return _encoded(value.item(), codec)
+        return encoded(value.item(), codec)
     for kind, (encode, _) in codec.items():
         if isinstance(value, kind):
             return {kind.__name__: encode(value)}
     if isinstance(value, np.ndarray):
-        entries = [_encoded(entry, codec) for entry in value.ravel().tolist()]
+        entries = [encoded(entry, codec) for entry in value.ravel().tolist()]
         dtype = "U" if value.dtype.kind == "U" else value.dtype.str  # texts have the room that they need when they are read
         return {"array": entries, "shape": value.shape, "dtype": dtype}
     if isinstance(value, Mapping):
-        return {"mapping": [[_encoded(entry, codec) for entry in pair] for pair in value.items()]}
+        return {"mapping": [[encoded(entry, codec) for entry in pair] for pair in value.items()]}
     if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return {type(value).__name__: {name: _encoded(entry, codec) for name, entry in zip(value._fields, value, strict=True)}}
+        return {type(value).__name__: {name: encoded(entry, codec) for name, entry in zip(value._fields, value, strict=True)}}
     if isinstance(value, tuple):
-        return [_encoded(entry, codec) for entry in value]
+        return [encoded(entry, codec) for entry in value]
     if is_dataclass(value):
-        return {type(value).__name__: {one.name: _encoded(getattr(value, one.name), codec) for one in fields(value)}}
+        return {type(value).__name__: {one.name: encoded(getattr(value, one.name), codec) for one in fields(value)}}
     raise TypeError(f"expected something that can be saved, given {type(value).__name__}")
 
 
@@ -125,7 +130,7 @@ _ENTRIES: Mapping[str, tuple[type, type]] = {
 
 @dataclass(frozen=True)
 class _Decoder:
-    """Decodes what `_encoded` has written, of these kinds; messages name the place of what is wrong."""
+    """Decodes what `encoded` has written, of these kinds; messages name the place of what is wrong."""
 
     kinds: Mapping[str, type]
     codec: Mapping[str, Callable[[Any], Any]]
@@ -186,11 +191,14 @@ class _Decoder:
 
 
 def _names(kind: type) -> tuple[list[str], list[str]]:
-    """Names of the fields that have no default, and of all."""
+    """Names of the fields that a file must have, those without a default, and of all."""
     if not is_dataclass(kind):
         return [name for name in kind._fields if name not in kind._field_defaults], list(kind._fields)  # type: ignore[attr-defined]
     own = [one for one in fields(kind) if one.init]
-    return [one.name for one in own if one.default is MISSING and one.default_factory is MISSING], [one.name for one in own]
+    names = [one.name for one in own]
+    if getattr(kind, "_COMPLETE", False):  # a default would stand for what was lost
+        return names, names
+    return [one.name for one in own if one.default is MISSING and one.default_factory is MISSING], names
 
 
 def _not_finite(content: Any, place: str) -> float:

@@ -33,8 +33,6 @@ class BatchSearch(NamedTuple):
         Its argument for the number of points or runs.
     batch : int
         Their number where none is given.
-    preset : mapping of name to value
-        Settings that a batch has instead of the search's defaults.
     """
 
     kind: str
@@ -42,13 +40,12 @@ class BatchSearch(NamedTuple):
     settings: type[Settings]
     size: str
     batch: int
-    preset: Mapping[str, Any]
 
 
 BY_REGION: Mapping[str, BatchSearch] = FrozenMapping(
     {
-        "point": BatchSearch("point", exchange, ExchangeSettings, "n_experiments", 6, FrozenMapping({"references": False})),
-        "run": BatchSearch("run", design_runs, RunSettings, "n_runs", 1, FrozenMapping({})),
+        "point": BatchSearch("point", exchange, ExchangeSettings, "n_experiments", 6),
+        "run": BatchSearch("run", design_runs, RunSettings, "n_runs", 1),
     }
 )
 
@@ -87,9 +84,10 @@ def designed(
     if found.stop_reason == "interrupted":
         raise KeyboardInterrupt
     able = found.feasibility
-    if found.settings.confidence is not None and able is not None and not found.feasible:
+    required = found.settings.goal.share_of_plants
+    if required is not None and able is not None and not found.feasible:
         warnings.warn(
-            f"confidence: expected a batch that {percent(found.settings.confidence)} of the plants can run, "
+            f"confidence: expected a batch that {percent(required)} of the plants can run, "
             f"found one that {percent(able.share)} can",
             stacklevel=3,
         )

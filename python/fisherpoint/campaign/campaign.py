@@ -64,7 +64,7 @@ class Campaign(Shown):
     threads : int, optional
         The result does not depend on it.
     **settings
-        Of `exchange`, such as n_candidates and max_iterations, or of `design_runs`, such as n_starts; without time_limit, by which
+        Of `exchange`, such as goal and n_candidates, or of `design_runs`, such as goal and n_starts; without time_limit, by which
         no search would repeat another.
 
     Raises
@@ -225,10 +225,10 @@ class Campaign(Shown):
             return self.planned
         prior, settings = self.problem.prior, replace(self.settings, seed=batch_seed(self.settings.seed, len(self.history)))
         # The posterior has the data in it, but for what they say of constants that all data share.
-        again = not settings.prior_information or self.problem.n_nuisance > 0
+        again = not settings.goal.prior_information or self.problem.n_nuisance > 0
         if self.fit is not None:
             posterior = self.fit.posterior()
-            prior = prior.moved_to(posterior.mean) if settings.prior_information and again else posterior
+            prior = prior.moved_to(posterior.mean) if settings.goal.prior_information and again else posterior
         found = designed(
             self.problem.replace(prior=prior),
             settings,

@@ -19,14 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_path
+from ..basics.checks import as_path, check_type
 from ..basics.declared import check_declared
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_whole
 from ..basics.messages import printable
 from ..basics.values import FrozenMapping, finite_or_none
 from ..data import Measurements
 from ..data.measurement_files import measurements_csv
-from ..design.settings import settings_from_json, settings_to_json
+from ..design.settings import read_settings, settings_json
 from ..engine.versions import versions
 from ..information.codec import problem_from_json
 from ..models import Model
@@ -155,7 +155,7 @@ def _state_to_json(state: State, problem_json: dict[str, Any]) -> dict[str, Any]
         "format_version": FORMAT_VERSION,
         "versions": versions(),
         "problem": problem_json,
-        "settings": settings_to_json(state.settings),
+        "settings": settings_json(state.settings),
         "targets": dict(state.targets),
         "batches": [_batch_to_json(batch) for batch in state.batches],
         "planned": _or_none(points_to_json, state.planned),
@@ -166,11 +166,12 @@ def _state_from_json(data: dict[str, Any]) -> State:
     problem = problem_from_json(data["problem"])
     state = State(
         problem=problem,
-        settings=settings_from_json(search_of(problem).settings, data["settings"]),
+        settings=read_settings(data["settings"]),
         targets=FrozenMapping(data["targets"]),
         batches=tuple(_batch_from_json(batch) for batch in data["batches"]),
         planned=_or_none(points_or_runs_from_json, data["planned"]),
     )
+    check_type(state.settings, search_of(problem).settings, "settings")
     check_declared(state)
     return state
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
-from inspect import signature
 from typing import Any
 
 import numpy as np
 
 from ..basics.checks import as_share, by_name, check_positive_int
 from ..basics.messages import shown
-from ..design.settings import most_iterations
+from ..design.optimality.goal import goal_of
+from ..design.settings import ExchangeSettings, method_of, most_iterations
 from ..information.problem import DesignProblem
 from .batches import Settings, search_of
 
@@ -26,15 +26,15 @@ def batch_seed(seed: int, batches: int) -> int:
 
 
 def batch_settings(problem: DesignProblem, batch: int | None, seed: int, given: Mapping[str, Any]) -> Settings:
-    """Settings of the search for a batch: the search's own defaults, but for what batches preset."""
+    """Settings of the search for a batch, with the search's own defaults; no batch is compared with other designs."""
     by = search_of(problem)
-    defaults = {name: one.default for name, one in signature(by.search).parameters.items()}
     known = [field.name for field in fields(by.settings) if field.name not in (by.size, "seed", "time_limit")]
     for unknown in (name for name in given if name not in known):
         raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
-    values = {name: defaults[name] for name in known} | dict(by.preset) | dict(given)
-    if "max_iterations" in values:
-        values["max_iterations"] = most_iterations(values["max_iterations"], values["method"], problem)
+    values = dict(given) | {"goal": goal_of(given.get("goal", "D"))}
+    if by.settings is ExchangeSettings:
+        method = replace(method_of(given.get("method", "auto")), references=False)
+        values |= {"method": method, "max_iterations": most_iterations(given.get("max_iterations"), method, problem)}
     values[by.size] = check_positive_int(by.batch if batch is None else batch, "batch")
     return by.settings(**values, seed=check_positive_int(seed, "seed", 0), time_limit=None)
 

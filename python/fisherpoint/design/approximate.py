@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..basics.checks import as_positive, check_choice, check_flag, check_positive_int, check_type
+from ..basics.checks import as_positive, check_positive_int, check_type
 from ..basics.values import FrozenMapping
 from ..information.combinations import combinations
-from ..information.prior_information import prior_information as information_of_prior
+from ..information.prior_information import prior_information
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
 from ..show.progress import Step, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
-from .optimality.averaged import Averaged, EstimableOver, parted
+from .optimality.averaged import MOST_OF_ALL, Averaged, EstimableOver, parted
 from .optimality.candidate_rows import CandidateRows
 from .optimality.continuous import Refinement, refined
-from .optimality.criteria import Criterion
 from .optimality.estimability import NOT_TOLD, determined, not_told
 from .optimality.estimable import estimable
-from .optimality.goal import CRITERIA, OF_ALL
-from .optimality.goal import criterion as criterion_of
+from .optimality.goal import Goal, goal_of
+from .optimality.goal_criterion import criterion_of
 from .optimality.point_rows import PointRows, check_additive
 from .optimality.weights import optimal_weights
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.climbs import Climbs
-from .settings import SINGULAR, ExchangeSettings
+from .settings import ExchangeSettings
 
 MOST_CANDIDATES = 10**6
 
@@ -41,9 +40,6 @@ iterations, and how many of the candidates of each are taken."""
 
 AGREE = 1e-4
 """No further search follows where one finds as good a design as those before it but for so much for each parameter."""
-
-MOST_OF_ALL = 320
-"""Scenarios times parameters: matrices of this size are made of every candidate that is weighed."""
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
@@ -61,14 +57,8 @@ def approximate(
     problem: DesignProblem,
     candidates: Experiments | None = None,
     *,
-    criterion: str = "D",
-    of: str | Sequence[str] | None = None,
-    conditions: Experiments | None = None,
-    scale: Mapping[str, float] | None = None,
-    prior_information: bool = False,
+    goal: str | Goal = "D",
     n_experiments: int | None = None,
-    singular: str = "estimable",
-    over: OverPrior | None = None,
     n_candidates: int = 5000,
     starts: int = 1000,
     tolerance: float = 1e-6,
@@ -89,20 +79,11 @@ def approximate(
         With output covariance "noise", whose information adds up over points.
     candidates : Experiments, optional
         What may get a weight. Default: the region.
-    criterion : {"D", "A", "E", "c", "Ds", "I"}
-        See :func:`fisherpoint.criterion`, which says what `of`, `conditions` and `scale` are. "ME" has no bound of this kind.
-    of, conditions, scale
-        What the criterion needs.
-    prior_information : bool
-        Whether the inverse of the prior's covariance is added to the information of `n_experiments` measurements.
+    goal : str or Goal
+        The name of a criterion, or all that the weights are to be good for. "ME" has no bound of this kind, nor has "E" `over` the
+        prior; over it, log det F is averaged, or log phi of "Ds", "A", "c" and "I".
     n_experiments : int, optional
         For `prior_information`, and where constants are uncertain: what is known beforehand counts once beside so many.
-    singular : {"estimable", "error"}
-        Where no candidate has information on some combinations of parameters, "D", "A" and "E" are of the others, and the result
-        names what is left open; or that is an error.
-    over : OverPrior, optional
-        An average of the criterion over scenarios instead of its value at the prior mean, as for :func:`fisherpoint.exchange`:
-        of log det F, or log phi of "Ds", "A", "c" and "I". Points must be valid in every scenario.
     n_candidates : int
         Candidates that are drawn in the region first; those that are no points are left out.
     starts : int
@@ -129,32 +110,24 @@ def approximate(
     started = time.perf_counter()
     check_type(problem, DesignProblem, "problem")
     check_additive(problem)
-    if check_choice(criterion, CRITERIA, "criterion") == "ME":
-        raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
-    check_choice(singular, SINGULAR, "singular")
-    nuisance = problem.n_nuisance
-    goal: Criterion = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
-    goal = goal.beside_nuisance(nuisance)
+    goal = goal_of(goal, "approximate")
+    criterion = criterion_of(problem, goal, threads)
     starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
     tolerance = as_positive(tolerance, "tolerance")
     if not 1e-9 <= tolerance <= 0.1:
         raise ValueError(f"tolerance: expected a share between 1e-9 and 0.1, given {tolerance:g}")
-    prior_information = check_flag(prior_information, "prior_information")
-    n_experiments = _experiments(prior_information or nuisance > 0, n_experiments)
+    n_experiments = _experiments(goal.prior_information or problem.n_nuisance > 0, n_experiments)
     if candidates is not None:
         check_type(candidates, Experiments, "candidates")
-    scenarios = None if over is None else _scenarios(problem, over, criterion)
-    constant = None if n_experiments is None else information_of_prior(problem, prior_information) / n_experiments
+    scenarios = None if goal.over is None else _scenarios(problem, goal.over)
+    constant = None if n_experiments is None else prior_information(problem, goal.prior_information) / n_experiments
     check_progress(progress)
 
     if scenarios is not None:
-        there = [
-            criterion_of(one, criterion, of=of, conditions=conditions, scale=scale, threads=threads).beside_nuisance(nuisance)
-            for one in scenarios.problems
-        ]
-        goal = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
+        there = [criterion_of(one, goal, threads) for one in scenarios.problems]
+        criterion = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
     with following(progress, "approximate", _step, counted=False) as callback:
 
         def report(doing: str, candidates: int) -> None:
@@ -167,7 +140,7 @@ def approximate(
         given, fast = candidates, problem.model.in_core  # of slow models few points are tried
         if given is None:
             given = _drawn(problem, n_candidates, rng)
-            if fast and criterion != "c":
+            if fast and goal.criterion != "c":
                 given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, report)])
         rows, places = source.valid(given)
         if not len(rows):
@@ -175,47 +148,42 @@ def approximate(
             raise ValueError(f"candidates: expected valid points, given none: {refused_text or 'no points at all'}")
         points, pool = given[places], CandidateRows(rows, constant)
         spaces = [estimable(part.triangle()) for part in pool.parts]
-        space, least = spaces[0] if over is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
+        space, least = spaces[0] if scenarios is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
         null = not_told(problem, least)
-        refused = singular == "error" and criterion in OF_ALL and null
+        refused = goal.requires_all and null
         if not refused and len({one.rank for one in spaces}) > 1:
             open_text = combinations(null)
             raise ValueError(
                 f"over: expected scenarios with information on the same, given some without information on {open_text}"
             )
-        if refused or not determined(problem, least) or goal.outside(space) > NOT_TOLD:
+        if refused or not determined(problem, least) or criterion.outside(space) > NOT_TOLD:
             open_text = combinations(null)
-            what = "all parameters, as singular = 'error' asks" if refused else f"criterion {criterion!r}"
+            what = "all parameters, as singular = 'error' asks" if refused else f"criterion {goal.criterion!r}"
             raise ValueError(
                 f"candidates: expected some that determine {what}, given none with information on {open_text}, in prior std"
             )
         left_out = FrozenMapping(dict(+source.rejected))
         report("weighing", len(pool))
-        weights = optimal_weights(pool, goal, tolerance=tolerance, seed=seed, space=space)
+        weights = optimal_weights(pool, criterion, tolerance=tolerance, seed=seed, space=space)
         found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
         if candidates is None:
             climb = Climbs(problem, rng, threads, elsewhere).run if fast else None
-            found = refined(source, points, pool, goal, weights, starts, tolerance, rng, climb, report)
+            found = refined(source, points, pool, criterion, weights, starts, tolerance, rng, climb, report)
     weights = found.weights
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information
-    inner = goal if not len(space.null) else goal.within(space.orthonormal)
+    inner = criterion if not len(space.null) else criterion.within(space.orthonormal)
     return ApproximateDesign(
         problem=problem,
-        criterion_name=criterion,
-        of=of if of is None or isinstance(of, str) else tuple(of),
-        conditions=conditions,
-        scale=None if scale is None else FrozenMapping(dict(scale)),
+        goal=goal,
         n_experiments=n_experiments,
-        prior_information=prior_information,
-        over=over,
         points=found.points,
         weights=weights.weights,
-        information=information if over is None else parted(information, len(spaces)),
+        information=information if scenarios is None else parted(information, len(spaces)),
         value=inner.value(inside),
         efficiency=weights.efficiency,
         largest=weights.largest,
-        level=goal.within(space).level,
+        level=criterion.within(space).level,
         half=weights.half,
         estimable=space,
         null_directions=null,
@@ -228,11 +196,8 @@ def approximate(
     )
 
 
-def _scenarios(problem: DesignProblem, over: OverPrior, criterion: str) -> Scenarios:
+def _scenarios(problem: DesignProblem, over: OverPrior) -> Scenarios:
     """The problem at each of the scenarios; too many are an error."""
-    check_type(over, OverPrior, "over")
-    if criterion == "E":
-        raise ValueError("criterion: expected 'D', 'Ds', 'A', 'c' or 'I' with over, given 'E', which has kinks of its own")
     problems, average = moved_problems(problem, over)
     size, most = len(problems) * problem.n_unknowns, MOST_OF_ALL // problem.n_unknowns
     if size > MOST_OF_ALL:

@@ -34,7 +34,9 @@ from .configuration_tables import (
     Correlation,
     CostTable,
     DesignTable,
+    GoalTable,
     PriorEntry,
+    ProblemKeys,
     RegionTable,
     RestTable,
     RuleTable,
@@ -43,12 +45,16 @@ from .configuration_tables import (
     stds,
 )
 from .cost import Cost
+from .optimality.goal import Goal
+from .option import keys_of as keys_of_options
+from .option import options_of
+from .settings import ExchangeMethod, ExchangeSettings, RunSettings
 
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
-_PROBLEM_KEYS = {"output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along"}
-
-_OF_RUNS = {"n_candidates", "seed", "time_limit", "singular", "criterion", "of", "scale", "prior_information"}
+_PROBLEM_KEYS = set(ProblemKeys.model_fields)
+_OF_METHOD = set(keys_of_options(ExchangeMethod))
+_OF_RUNS = {one.name for one in options_of(RunSettings)} & set(keys_of_options(ExchangeSettings))
 
 
 class Config(ModelFile):
@@ -63,6 +69,7 @@ class Config(ModelFile):
     region: RegionTable | None = None
     runs: RunsTable | None = None
     rule: RuleTable = RuleTable()
+    goal: GoalTable = GoalTable()
     design: DesignTable = DesignTable()
     cost: CostTable | None = None
     campaign: CampaignTable = CampaignTable()
@@ -133,8 +140,6 @@ class Config(ModelFile):
                 return ExperimentRegion(bounds, constraints=self.region.constraints)
         if self.region.constraints:
             raise self.error("region.constraints", "expected only for points, given beside [runs]")
-        if self.design.confidence is not None:
-            raise self.error("design.confidence", "expected only for points; of runs it is runs.confidence")
         with self._names_key("runs"):
             model = self.build_model()
             return RunRegion(bounds, **self.runs.options(model)).in_units_of(model)
@@ -154,33 +159,30 @@ class Config(ModelFile):
         """Keyword arguments for :func:`fisherpoint.simulate`: whether kinks and jumps are crossed, where the file says it."""
         return self.design.model_dump(include={"kinks", "jumps"}, exclude_none=True)
 
-    def exchange_settings(self) -> dict[str, Any]:
-        """Keyword arguments for :func:`fisherpoint.exchange`; what the file leaves out is left to its defaults."""
-        settings = self.design.model_dump(exclude=_PROBLEM_KEYS | {"over", "scenarios", "share"}, exclude_none=True)
-        return settings | self._with_conditions() | self._over()
+    def build_goal(self) -> Goal:
+        """What the design is to be good for."""
+        with self._names_key("goal"):
+            return Goal.from_table(self.goal.model_dump(exclude_none=True), self._conditions)
 
-    def _with_conditions(self) -> dict[str, Any]:
-        if self.design.conditions is None:
-            return {}
-        with self._names_key("design"):
-            return {"conditions": self._conditions(Path(self._source).parent / self.design.conditions)}
-
-    def _conditions(self, path: Path) -> Experiments:
+    def _conditions(self, name: str) -> Experiments:
+        path = Path(self._source).parent / name
         try:
             return Experiments.from_csv(path, self.build_model())
         except OSError as error:
             raise ValueError(f"conditions: expected a file of points, {path} cannot be read: {error.strerror}") from error
 
+    def exchange_settings(self) -> dict[str, Any]:
+        """Keyword arguments for :func:`fisherpoint.exchange`; what the file leaves out is left to its defaults."""
+        settings = self.design.model_dump(exclude=_PROBLEM_KEYS | _OF_METHOD, exclude_none=True)
+        of_method = self.design.model_dump(include=_OF_METHOD, exclude_none=True)
+        with self._names_key("design"):
+            method = ExchangeMethod(settings.pop("method", ExchangeMethod.name), **of_method)
+        return settings | {"goal": self.build_goal(), "method": method}
+
     def run_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.design_runs`; what the file leaves out is left to its defaults."""
         search = {} if self.runs is None else self.runs.search()
-        search |= self.design.model_dump(include=_OF_RUNS, exclude_none=True) | self._over()
-        return search | self._with_conditions()
-
-    def _over(self) -> dict[str, Any]:
-        with self._names_key("design"):
-            over = self.design.over_prior()
-        return {} if over is None else {"over": over}
+        return search | self.design.model_dump(include=_OF_RUNS, exclude_none=True) | {"goal": self.build_goal()}
 
     def build_cost(self) -> Cost | None:
         """What experiments cost, where the file says it."""
@@ -283,6 +285,7 @@ _OF_LIBRARY = re.compile(r"(\w+)(?:\['(.*?)'\])?: (.*)")
 _TABLES: dict[str, type[BaseModel]] = {
     "runs": RunsTable,
     "rule": RuleTable,
+    "goal": GoalTable,
     "design": DesignTable,
     "cost": CostTable,
     "campaign": CampaignTable,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, create_model, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..basics.checks import percentage
@@ -19,10 +19,11 @@ from ..models import Model
 from ..points.rest import Rest
 from ..points.settings import COARSEST, FINEST
 from ..prior.gaussian import MOST_RELATIVE_STD
-from ..prior.rules import DEFAULT_RULE, RULES, Rule, Sobol
+from ..prior.rules import DEFAULT_RULE, RULES, Rule
 from .cost import Cost
-from .over_prior import OverPrior
-from .settings import MOST
+from .optimality.goal import Goal
+from .option import Key, keys_of
+from .settings import MOST, ExchangeMethod, ExchangeSettings
 
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 
@@ -171,7 +172,6 @@ class RunsTable(Table):
     samples: Count | None = None
     rest: RestTable | None = None
     n_starts: Count | None = None
-    confidence: Annotated[float, Field(gt=0, lt=1)] | None = None
 
     @model_validator(mode="after")
     def _something_is_measured(self) -> RunsTable:
@@ -189,7 +189,7 @@ class RunsTable(Table):
 
     def search(self) -> dict[str, Any]:
         """Keyword arguments for `design_runs`."""
-        return self.model_dump(include={"n_runs", "n_starts", "confidence"}, exclude_none=True)
+        return self.model_dump(include={"n_runs", "n_starts"}, exclude_none=True)
 
 
 class RuleTable(Table):
@@ -231,27 +231,9 @@ def _arguments(rule: type[Rule]) -> list[str]:
     return [field.name for field in fields(rule)]
 
 
-class DesignTable(Table):
-    """What is optimised and for how long; what is left out takes the library's default."""
+class ProblemKeys(Table):
+    """The keys of [design] that are of the problem: what is estimated, and how trajectories are computed."""
 
-    n_experiments: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
-    n_candidates: Annotated[int, Field(ge=1, le=MOST["n_candidates"])] | None = None
-    max_iterations: Annotated[int, Field(ge=1, le=MOST["max_iterations"])] | None = None
-    seed: Annotated[int, Field(ge=0)] | None = None
-    patience: Annotated[int, Field(ge=1, le=MOST["patience"])] | None = None
-    time_limit: Positive | None = None
-    local: Annotated[float, Field(ge=0, le=1)] | None = None
-    method: Literal["paper", "auto"] | None = None
-    singular: Literal["estimable", "error"] | None = None
-    over: Literal["log", "worst", "cvar"] | None = None
-    scenarios: Count | None = None
-    share: Annotated[float, Field(gt=0, le=1)] | None = None
-    criterion: Literal["D", "A", "E", "ME", "c", "Ds", "I"] | None = None
-    of: str | list[str] | None = None
-    conditions: str | None = None
-    scale: dict[str, Positive] | None = None
-    confidence: Annotated[float, Field(gt=0, lt=1)] | None = None
-    prior_information: bool | None = None
     output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
     parameters: Annotated[list[str], Field(min_length=1)] | None = None
     kinks: Literal["cross", "exclude"] | None = None
@@ -260,25 +242,32 @@ class DesignTable(Table):
     assumed_covariance: Literal["tangents", "predictive"] | None = None
     along: list[str] | None = None
 
-    @model_validator(mode="after")
-    def _keys_of_over(self) -> DesignTable:
-        if self.scenarios is not None and self.over is None:
-            fail(f"design.scenarios: expected only with over, given {self.scenarios}")
-        if self.share is not None and self.over != "cvar":
-            fail(f'design.share: expected only with over = "cvar", given {toml(self.share)}')
-        return self
 
-    def over_prior(self) -> OverPrior | None:
-        """The criterion over the prior."""
-        if self.over is None:
-            return None
-        given: dict[str, Any] = {} if self.share is None else {"share": self.share}
-        if self.scenarios is not None:
-            try:
-                given["scenarios"] = Sobol(self.scenarios)
-            except ValueError as error:
-                raise ValueError(str(error).replace("n:", "scenarios:", 1)) from error
-        return OverPrior(self.over, **given)
+def _of_options(name: str, base: type[Table], *kinds: type) -> type[Table]:
+    """A table with a key for each option of these classes that has one."""
+    keys: dict[str, Any] = {label: (_annotated(key) | None, None) for label, key in keys_of(*kinds).items()}
+    return create_model(name, __base__=base, **keys)
+
+
+def _annotated(key: Key) -> Any:
+    """The type of a key with its limits, as pydantic has it."""
+    if key.choices:
+        return Literal[key.choices]
+    limits = {"ge": key.least, "le": key.most, "gt": key.above, "lt": key.below}
+    number: dict[str, Any] = {name: limit for name, limit in limits.items() if limit is not None}
+    if key.kind in (float, dict[str, float]):
+        number["allow_inf_nan"] = False
+    if key.kind == dict[str, float]:
+        return dict[str, Annotated[float, Field(**number)]]
+    return Annotated[key.kind, Field(**number)] if number else key.kind
+
+
+if TYPE_CHECKING:  # what is known of them before the program runs
+    GoalTable: TypeAlias = Table
+    DesignTable: TypeAlias = ProblemKeys
+else:  # what is left out takes the library's default
+    GoalTable = _of_options("GoalTable", Table, Goal)
+    DesignTable = _of_options("DesignTable", ProblemKeys, ExchangeSettings, ExchangeMethod)
 
 
 class CostTable(Table):

@@ -18,7 +18,7 @@ import numpy as np
 from ..basics.values import Array
 from ..engine import _core
 from ..information.candidates import LARGEST_BATCH, CandidateSource
-from ..information.output_covariance import Criterion, criterion
+from ..information.output_covariance import OutputCovariance, output_covariance
 from ..information.point_information import PointInformation
 from ..information.problem import DesignProblem
 
@@ -109,7 +109,7 @@ def d_efficiency(log_det: float | None, reference: float | None, parameters: int
 
 def efficiency_of(
     problem: DesignProblem,
-    d: Criterion,
+    d: OutputCovariance,
     log_det: float,
     under_noise: float | None = None,
     candidates: Bound | None = None,
@@ -176,7 +176,9 @@ def random_designs(
     while len(found) < most and (time_limit is None or time.perf_counter() - started < time_limit or not found):
         drawn = source.draw(group * n_experiments)
         if d is None:
-            d = criterion(problem, drawn if previous is None else PointInformation.join([previous, drawn]), threads, "noise")
+            d = output_covariance(
+                problem, drawn if previous is None else PointInformation.join([previous, drawn]), threads, "noise"
+            )
             known = None if previous is None else d.prepare(previous)
         prepared = d.prepare(drawn)
         for k in range(group):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
-from ..basics.checks import as_positive, check_choice, check_flag, check_positive_int, check_type
+from ..basics.checks import as_positive, check_positive_int, check_type
 from ..basics.values import FrozenMapping
 from ..information.combinations import combinations
-from ..information.prior_information import prior_information as information_of_prior
+from ..information.prior_information import prior_information
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
@@ -20,8 +20,8 @@ from .optimality.candidate_rows import CandidateRows
 from .optimality.estimability import NOT_TOLD, determined, not_told
 from .optimality.estimable import estimable
 from .optimality.exact_design import ExactDesign
-from .optimality.goal import CRITERIA
-from .optimality.goal import criterion as criterion_of
+from .optimality.goal import Goal, goal_of
+from .optimality.goal_criterion import criterion_of
 from .optimality.point_rows import PointRows, check_additive
 from .optimality.weights import optimal_weights
 
@@ -36,11 +36,7 @@ def exact(
     candidates: Experiments,
     n_experiments: int,
     *,
-    criterion: str = "D",
-    of: str | Sequence[str] | None = None,
-    conditions: Experiments | None = None,
-    scale: Mapping[str, float] | None = None,
-    prior_information: bool = False,
+    goal: str | Goal = "D",
     gap: float = 1e-6,
     max_nodes: int = 100_000,
     time_limit: float | None = None,
@@ -62,12 +58,8 @@ def exact(
         What may be measured, each any number of times.
     n_experiments : int
         Measurements, 10,000 at most.
-    criterion : {"D", "A", "E", "c", "Ds", "I"}
-        See :func:`fisherpoint.criterion`, which says what `of`, `conditions` and `scale` are. "ME" has no bound of this kind.
-    of, conditions, scale
-        What the criterion needs.
-    prior_information : bool
-        Whether the inverse of the prior's covariance is added to the information of the measurements.
+    goal : str or Goal
+        The name of a criterion, or all that the design is to be good for at the prior mean. "ME" has no bound of this kind.
     gap : float
         The share of measurements that an unknown better design may save: the search ends where the efficiency is proven to be
         at least 1 - gap; at least 1e-9.
@@ -98,10 +90,8 @@ def exact(
     check_additive(problem)
     check_type(candidates, Experiments, "candidates")
     n = check_positive_int(n_experiments, "n_experiments", 1, MOST_EXPERIMENTS)
-    if check_choice(criterion, CRITERIA, "criterion") == "ME":
-        raise ValueError("criterion: expected one with a concave form, given 'ME': no bound holds for the condition number")
-    goal = criterion_of(problem, criterion, of=of, conditions=conditions, scale=scale, threads=threads)
-    goal = goal.beside_nuisance(problem.n_nuisance)
+    goal = goal_of(goal, "exact")
+    criterion = criterion_of(problem, goal, threads)
     gap = as_positive(gap, "gap")
     if not 1e-9 <= gap <= 0.5:
         raise ValueError(f"gap: expected a share between 1e-9 and 0.5, given {gap:g}")
@@ -110,9 +100,9 @@ def exact(
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
-    prior_information, known = check_flag(prior_information, "prior_information"), None
-    if prior_information or problem.n_nuisance:
-        known = information_of_prior(problem, prior_information)
+    known = None
+    if goal.prior_information or problem.n_nuisance:
+        known = prior_information(problem, goal.prior_information)
 
     source = PointRows(problem, threads)
     rows, places = source.valid(candidates) if len(candidates) else (np.empty((0, 1, 1)), np.empty(0, dtype=np.intp))
@@ -122,18 +112,19 @@ def exact(
     pool = CandidateRows(rows, None if known is None else known / n)
     space = estimable(pool.triangle())
     null = not_told(problem, space)
-    if not determined(problem, space) or goal.outside(space) > NOT_TOLD:
-        open_text = combinations(null)
+    refused = goal.requires_all and null
+    if refused or not determined(problem, space) or criterion.outside(space) > NOT_TOLD:
+        what = "all parameters, as singular = 'error' asks" if refused else f"criterion {goal.criterion!r}"
         raise ValueError(
-            f"candidates: expected some that determine criterion {criterion!r}, given none with information on {open_text}"
+            f"candidates: expected some that determine {what}, given none with information on {combinations(null)}, in prior std"
         )
-    weights = optimal_weights(pool, goal, tolerance=TOLERANCE, seed=seed, space=space)
+    weights = optimal_weights(pool, criterion, tolerance=TOLERANCE, seed=seed, space=space)
     limits = Limits(-float(np.log1p(-gap)), max_nodes, time_limit, started)
-    search = ExactSearch(pool, goal.within(space), weights, n, limits, np.random.default_rng(seed))
+    search = ExactSearch(pool, criterion.within(space), weights, n, limits, np.random.default_rng(seed))
     found = search.run(progress)
     if not found.efficiency > 0:
         raise ValueError(
-            f"n_experiments: expected enough to determine criterion {criterion!r}, given {n}: the candidates determine "
+            f"n_experiments: expected enough to determine criterion {goal.criterion!r}, given {n}: the candidates determine "
             f"{determined(problem, space)} combinations of parameters, and no design of so many measurements was found that "
             "determines it"
         )
@@ -141,14 +132,10 @@ def exact(
     counts = found.counts[chosen]
     information = pool.information(chosen, counts.astype(float))
     inside = space.span.T @ information @ space.span if len(null) else information
-    inner = goal.within(space.orthonormal) if len(null) else goal
+    inner = criterion.within(space.orthonormal) if len(null) else criterion
     return ExactDesign(
         problem=problem,
-        criterion_name=criterion,
-        of=of if of is None or isinstance(of, str) else tuple(of),
-        conditions=conditions,
-        scale=None if scale is None else FrozenMapping(dict(scale)),
-        prior_information=prior_information,
+        goal=goal,
         points=candidates[places[np.repeat(chosen, counts)]],
         chosen=places[chosen],
         counts=counts,

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 from .average import Average
-from .optimality.aims import aim_of
 from .optimality.branch_and_bound import BranchAndBound, ExactProgress, similar_first
 from .optimality.candidate_rows import CandidateRows
 from .optimality.criteria import Criterion
@@ -170,9 +169,9 @@ class ExactSearch:
         known = np.zeros((columns.shape[1],) * 2)
         if self._pool.constant is not None:
             known = self._n * self._into.T @ self._pool.constant @ self._into
-        average, aims = Average.of_all(1), [aim_of(self._criterion)]
+        average, criteria = Average.of_all(1), [self._criterion]
         for chosen in self._starts(among, columns, known):
-            exchange = PoolExchange(columns, chosen, known[None], average, aims)
+            exchange = PoolExchange(columns, chosen, known[None], average, criteria)
             exchange.run(np.arange(len(among)), lambda: False)
             counts = np.bincount(among[exchange.chosen], minlength=len(self._prices))
             for one in (counts, np.bincount(among[chosen], minlength=len(self._prices))):
@@ -193,10 +192,10 @@ class ExactSearch:
             own = np.flatnonzero(self.counts)
             if np.isin(own, among).all():
                 starts.append(np.repeat(np.searchsorted(among, own), self.counts[own]))
-        average, aims = Average.of_all(1), [aim_of(self._criterion)]
+        average, criteria = Average.of_all(1), [self._criterion]
         for k in range(STARTS):
             first = self._rng.integers(len(among), size=0 if k == 0 else n // 2)
-            starts.append(greedy(columns, n, known[None], average, aims, first))
+            starts.append(greedy(columns, n, known[None], average, criteria, first))
         return starts
 
     def _worth(self, counts: Counts) -> float:

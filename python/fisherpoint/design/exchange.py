@@ -7,7 +7,7 @@ removal leaves the largest Phi leaves. That may be the candidate itself, so Phi 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -28,84 +28,48 @@ from ..points.status import Status, failures_of
 from ..show.progress import check_progress, following
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
-from .optimality.aims import LogDet
 from .optimality.estimability import determined, refuse_open
-from .optimality.goal import OF_ALL
-from .over_prior import OverPrior, Scenarios, moved_problems
+from .optimality.goal import Goal, goal_of
+from .over_prior import Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
 from .points.point_search import PointSearch, Progress
 from .result import Design
 from .search_steps import points_step
-from .settings import ExchangeSettings, check_goal, most_iterations, searched_by
+from .settings import ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations, searched_by
 
 
 def exchange(
     problem: DesignProblem,
     n_experiments: int = 12,
     *,
+    goal: str | Goal = "D",
+    method: str | ExchangeMethod = "auto",
+    previous: Previous | None = None,
+    keep: Experiments | FoundDesign | None = None,
     n_candidates: int = 50,
     max_iterations: int | None = None,
     seed: int = 0,
+    time_limit: float | None = None,
     threads: int | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
-    patience: int | None = None,
-    time_limit: float | None = None,
-    max_redraws: int = 1,
-    references: bool = True,
-    screen: bool = True,
-    local: float = 0.5,
-    method: str = "auto",
-    singular: str = "estimable",
-    previous: Previous | None = None,
-    keep: Experiments | FoundDesign | None = None,
-    over: OverPrior | None = None,
-    criterion: str = "D",
-    of: str | Sequence[str] | None = None,
-    conditions: Experiments | None = None,
-    scale: Mapping[str, float] | None = None,
-    confidence: float | None = None,
-    prior_information: bool = False,
 ) -> Design:
-    """Find the design with the largest det F, or the best by another criterion, by exchanging points for candidates.
+    """Find the design with the largest det F, or the best by another goal, by exchanging points for candidates.
 
     Parameters
     ----------
     problem : DesignProblem
         With a region.
-    n_experiments, n_candidates : int
-        L points, M candidates per draw; a million of each at most.
-    max_iterations : int, optional
-        Default: 800, and 200 where the search is that of the paper.
-    seed : int
-        The same seed gives the same design, for any number of threads.
-    threads : int, optional
-        Default: every core.
-    progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` once per iteration.
-    patience : int, optional
-        Stop after so many iterations in a row without an exchange.
-    time_limit : float, optional
-        Stop after so many seconds.
-    max_redraws : int
-        How often candidates are drawn again where none improves Phi (lines 6 to 12); then the best of them is tried all the same.
-    references : bool
-        Also find what the design is compared with (`Efficiency`).
-    screen : bool
-        Where the output covariance is "pooled" or "pointwise": order candidates by their linearized covariances and take the rule
-        for the best few only. False takes it for all, as Algorithm 1 is written.
-    local : float
-        Candidates near the points of the design that are drawn beside the n_candidates, as a share of these over all iterations:
-        they come every fourth time, at least one for each point. 0 for none: Algorithm 1 alone.
-    method : {"paper", "auto"}
-        "auto" exchanges points from several starts over pools of candidates, at first 200 n_candidates random ones, then in each
-        iteration 12 or 24 n_candidates near the points, and moves all numbers together. It ends as "converged" where nothing gains
-        any more. "paper" is Algorithm 1 with local candidates: a fraction of the time, and designs that are not as good. Where D is
-        "pooled" or "pointwise", and for models of Python functions that cannot be translated, "auto" is "paper"; `max_redraws`,
-        `screen` and `local` are of "paper" alone.
-    singular : {"estimable", "error"}
-        Where so few points cannot determine all parameters, or no points of the region: "estimable" designs for what can be
-        determined, and the report names the rest (docs/how_to/singular.md); "error" raises.
+    n_experiments : int
+        L points, a million at most.
+    goal : str or Goal
+        The name of a criterion, such as "A", or all that the design is to be good for, such as
+        ``Goal("c", of="a / b", over=OverPrior("log"))``. Another criterion than "D", `over` and `prior_information` are for method
+        "auto" with D = R, `confidence` is for method "auto": points then keep so far away from jumps and limits that plants further
+        out than the prior's can run them, and `Design.feasible` says whether that was enough. Where points are too few for "A",
+        "E" and "ME", they are chosen by log det F.
+    method : {"auto", "paper"} or ExchangeMethod
+        The search, or that with its own options: :class:`fisherpoint.ExchangeMethod`.
     previous : Measurements, Experiments, Design, or a sequence of these, optional
         Points whose information is already collected. They are added to every design and never leave: F is that of all L points,
         previous and new, and so are the design's evaluations and what it is compared with. The standard errors are then those of
@@ -113,24 +77,18 @@ def exchange(
     keep : Experiments or Design, optional
         Points that the design must have, such as those that were chosen by hand, or those of a design to be enlarged. They are
         its first points, never leave, and count among the `n_experiments`.
-    over : OverPrior, optional
-        A criterion over the prior instead of log det F at its mean: for methods "auto" with D = R. The time is that of
-        "auto" times the scenarios up to four of them; with more, fewer candidates are drawn, and it grows less. A point must be
-        valid in every scenario.
-    criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
-        The criterion of the design, others than "D" for method "auto" with D = R; :func:`fisherpoint.criterion` says what each one
-        is, and needs. Where no point has information on some parameters, "D", "A", "E" and "ME" are of the others; where points
-        are too few for these, they are chosen by log det F.
-    of, conditions, scale
-        What the criterion needs.
-    confidence : float, optional
-        The share of the plants of the prior that must be able to run all points, such as 0.99; for method "auto". Points then keep
-        so far away from jumps and limits that plants further out than the prior's can run them; `Design.feasible` says whether that
-        was enough. Without it a point must be valid on the nodes of the rule, and one plant in ten may not be able to run one.
-    prior_information : bool
-        Whether the inverse of the prior's covariance counts beside the points and the previous ones, for method "auto" with D = R.
-        The criterion, the bounds and the standard errors are then those of an estimate in which the prior takes part, and fewer
-        points than parameters are enough. A prior that is the posterior of the previous data counts these once more: give one.
+    n_candidates : int
+        M candidates per draw, a million at most.
+    max_iterations : int, optional
+        Default: 800, and 200 where the search is that of the paper.
+    seed : int
+        The same seed gives the same design, for any number of threads.
+    time_limit : float, optional
+        Stop after so many seconds.
+    threads : int, optional
+        Default: every core.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` once per iteration.
 
     Returns
     -------
@@ -141,29 +99,19 @@ def exchange(
     ------
     ValueError
         For misuse, points to keep that are not valid, a region in which hardly a point survives, a singular output covariance,
-        points that do not determine what "c", "Ds" or "I" ask, and with ``singular="error"`` parameters that are left open.
+        points that do not determine what "c", "Ds" or "I" need, and parameters that are left open where the goal has
+        ``singular="error"``.
     """
     check_type(problem, DesignProblem, "problem")
+    method = method_of(method)
     settings = ExchangeSettings(
         n_experiments=n_experiments,
+        goal=goal_of(goal),
+        method=method,
         n_candidates=n_candidates,
         max_iterations=most_iterations(max_iterations, method, problem),
         seed=seed,
-        patience=patience,
         time_limit=time_limit,
-        max_redraws=max_redraws,
-        references=references,
-        screen=screen,
-        local=local,
-        method=method,
-        singular=singular,
-        over=over,
-        criterion=criterion,
-        of=of,  # type: ignore[arg-type]  # the settings make it a tuple
-        conditions=conditions,
-        scale=scale,
-        confidence=confidence,
-        prior_information=prior_information,
     )
     *_, found = designs(problem, settings, previous=previous, keep=keep, threads=threads, progress=progress)
     return found
@@ -186,9 +134,9 @@ def designs(
     kept = scenarios = None
     if keep is not None:
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
-    if settings.over is not None:
+    if settings.goal.over is not None:
         scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
-    with following(progress, "iteration", points_step(settings.criterion), "drawing the first points") as report:
+    with following(progress, "iteration", points_step(settings.goal), "drawing the first points") as report:
         search = _search(problem, settings, threads, known, kept, scenarios)
         stop_reason = search.run(report)
         interrupted = stop_reason == "interrupted"
@@ -199,9 +147,9 @@ def designs(
         evaluation = search.evaluation(under_noise)
         if evaluation.null_directions:
             space = search.look_at_what_is_told()
-            if settings.singular == "error" and settings.criterion in OF_ALL and not interrupted:
+            if settings.goal.requires_all and not interrupted:
                 refuse_open(problem, space, settings.n_experiments)
-        if settings.references and not interrupted:
+        if settings.method.references and not interrupted:
             yield Design(**vars(search.found(stop_reason, evaluation, under_noise, None, left_out)))
             try:
                 efficiency = _references(search, evaluation, under_noise)
@@ -212,8 +160,8 @@ def designs(
 
 def check_determined(search: PointSearch) -> None:
     """Raise where no points were found that determine a criterion other than log det F."""
-    criterion, count = search.settings.criterion, search.settings.n_experiments
-    if not np.isfinite(search.best.log_det) and not search.aims[0].of_all:
+    criterion, count = search.settings.goal.criterion, search.settings.n_experiments
+    if not np.isfinite(search.best.log_det) and not search.criteria[0].of_all:
         raise ValueError(
             f"n_experiments: expected enough points to determine criterion {criterion!r}, given {count}: no design that does was"
             " found; increase n_experiments"
@@ -229,8 +177,8 @@ def scenarios_of(
     threads: int,
 ) -> Scenarios:
     """The problem at each scenario, and what is known there."""
-    assert settings.over is not None
-    problems, average = moved_problems(problem, settings.over)
+    assert settings.goal.over is not None
+    problems, average = moved_problems(problem, settings.goal.over)
     of_all = []
     for moved in problems:
         known = at_mean
@@ -272,7 +220,7 @@ def _search(
     scenarios: Scenarios | None = None,
 ) -> PointSearch:
     """The search that a method asks for; where D depends on all points, or on a point's own covariance, that of the paper."""
-    if searched_by(settings.method, problem) == "auto":
+    if searched_by(settings.method.name, problem) == "auto":
         return AutoSearch(problem, settings, threads, previous, kept, scenarios)
     return ExchangeSearch(problem, settings, threads, previous, kept)
 
@@ -280,34 +228,34 @@ def _search(
 def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evaluation | None) -> Efficiency:
     """The median random design, a bound for designs of the candidates, and where D is not R what a search with D = R finds."""
     if under_noise is None:
-        return efficiency_of(search.problem, search.criterion, search.best.log_det)
+        return efficiency_of(search.problem, search.d, search.best.log_det)
     problem, settings, seen = search.problem.replace(output_covariance="noise"), search.settings, search.seen
     best_found = None
-    if search.criterion.kind != "noise":
+    if search.d.kind != "noise":
         other = _search(problem, replace(settings, seed=settings.seed + 1), search.threads, search.previous, search.kept)
         if other.run(None) == "interrupted":
             raise KeyboardInterrupt
         best_found = other.best.log_det
         seen.include(other.seen)
-    aim, log_det = search.at_mean, under_noise.log_det
-    if not isinstance(aim, LogDet):
-        log_det = aim.value(beside_nuisance(under_noise.fisher, search.problem.n_nuisance))
+    criterion, log_det = search.at_mean, under_noise.log_det
+    if not criterion.plain:
+        log_det = criterion.objective(beside_nuisance(under_noise.fisher, search.problem.n_nuisance))
     too_few = search.space is not None and evaluation.rank < determined(search.problem, search.space)
     bound = None
-    if not too_few or settings.criterion not in OF_ALL:
+    if not too_few or not settings.goal.of_all:
         own, over = search.best.information, search.scenarios
         bound = seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over)
     start = search.count, settings.seed, search.threads, search.previous, settings.time_limit
     total = search.count + (0 if search.previous is None else len(search.previous))
-    random = random_designs(problem, *start, lambda fisher: aim.value(fisher + 2 / total * search.of_prior))
+    random = random_designs(problem, *start, lambda fisher: criterion.objective(fisher + 2 / total * search.of_prior))
     return efficiency_of(
         search.problem,
-        search.criterion,
+        search.d,
         search.best.log_det,
         log_det,
         bound,
         best_found,
         median_of(random),
         of_criterion=search.scenarios is not None,
-        level=aim.level,
+        level=criterion.level,
     )

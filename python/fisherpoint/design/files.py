@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_float, by_name, check_positive_int
+from ..basics.checks import as_float, by_name, check_positive_int, check_type
 from ..basics.csv_table import CsvTable
 from ..basics.declared import check_declared
 from ..basics.quantity import names_of
@@ -28,7 +28,7 @@ from ..points.codec import points_from_json, points_to_json
 from .efficiency import Efficiency
 from .found import FoundDesign, TraceRecord
 from .scenario_values import scenario_values_from_json, scenario_values_to_json
-from .settings import ExchangeSettings, settings_from_json, settings_to_json
+from .settings import ExchangeSettings, read_settings, settings_json
 
 FORMAT = "fisherpoint design"
 FORMAT_VERSION = 2  # 1 had no checksum
@@ -46,7 +46,7 @@ def design_to_json(design: FoundDesign) -> dict[str, Any]:
         "format_version": FORMAT_VERSION,
         "versions": versions(),
         "problem": problem_to_json(design.problem),
-        "settings": settings_to_json(design.settings),
+        "settings": settings_json(design.settings),
         "points": points_to_json(design.points),
         "evaluation": evaluation_to_json(design.evaluation),
         "under_noise": evaluation_to_json(design.under_noise),
@@ -69,7 +69,8 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
     evaluation = evaluation_from_json(data["evaluation"], n_points)
     if evaluation is None:
         raise KeyError("evaluation")
-    settings, rejected = settings_from_json(ExchangeSettings, data["settings"]), dict(data["rejected"])
+    settings, rejected = read_settings(data["settings"]), dict(data["rejected"])
+    check_type(settings, ExchangeSettings, "settings")
     if len(points["dt"]) != settings.n_experiments:
         raise ValueError(f"points: expected n_experiments = {settings.n_experiments} points, given {len(points['dt'])}")
     for name, count in {**rejected, "drawn": data["drawn"], "accepted": data["accepted"]}.items():

@@ -16,7 +16,7 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from .efficiency import Efficiency
 from .optimality.criteria import Criterion
-from .optimality.goal import criterion_of_design
+from .optimality.goal_criterion import criterion_of_design
 from .scenario_values import ScenarioValues
 from .settings import ExchangeSettings
 
@@ -117,7 +117,7 @@ class FoundDesign:
 
         Where F is singular "D", "A", "E" and "ME" are of what the points determine.
         """
-        return criterion_of_design(self.problem, self.settings, self.evaluation)
+        return criterion_of_design(self.problem, self.settings.goal, self.evaluation)
 
     @property
     def value(self) -> float:
@@ -142,7 +142,7 @@ class FoundDesign:
     @property
     def feasible(self) -> bool:
         """Whether at least the required share of the plants can run all points, of those that `feasibility` has tried."""
-        required, tried = self.settings.confidence, self.feasibility
+        required, tried = self.settings.goal.share_of_plants, self.feasibility
         return required is None or (tried is not None and tried.share >= required)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from ..basics.values import Array
 from ..information.point_information import PointInformation
 from ..information.problem import DesignProblem
 from ..points.sense import sensible
-from ..prior.codec import rule_from_json, rule_to_json
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Linearized, Rule, Sobol
 from .average import Average
@@ -42,6 +41,8 @@ class OverPrior:
     _: KW_ONLY
     scenarios: Rule | Sequence[Mapping[str, float]] = field(default=Sobol(8))
     share: float = 0.25
+
+    _COMPLETE: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -97,18 +98,6 @@ class OverPrior:
         """What is maximised for another criterion, as part of a sentence."""
         of = {"log": f"the mean {what}", "worst": f"the smallest {what}"}
         return of.get(self.kind, f"the mean {what} of the worst {100 * self.share:g} %")
-
-    def to_json(self) -> dict[str, Any]:
-        scenarios = rule_to_json(self.scenarios) if isinstance(self.scenarios, Rule) else [dict(one) for one in self.scenarios]
-        return {"kind": self.kind, "scenarios": scenarios, "share": self.share}
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> OverPrior:
-        """What `to_json` wrote."""
-        arguments = dict(data)
-        if isinstance(arguments["scenarios"], Mapping):
-            arguments["scenarios"] = rule_from_json(dict(arguments["scenarios"]))
-        return cls(**arguments)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,42 +7,35 @@ from typing import Protocol
 
 import numpy as np
 
-from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
 from ..prior.rules import Rule
 from ..show.numbers import computed, counted
 from ..show.section import Section
-from .over_prior import OverPrior
+from .criterion_report import ByCriterion
 from .scenario_values import ScenarioValues
 
 
-class Settings(Protocol):
-    @property
-    def over(self) -> OverPrior | None: ...
-
-
-class OverScenarios(Protocol):
-    """A design of points or runs."""
+class OverScenarios(ByCriterion, Protocol):
+    """A design of points or runs, over the prior."""
 
     @property
     def problem(self) -> DesignProblem: ...
     @property
-    def settings(self) -> Settings: ...
-    @property
-    def evaluation(self) -> Evaluation: ...
-    @property
     def scenarios(self) -> ScenarioValues | None: ...
 
 
-def over_sections(design: OverScenarios, maximised: str) -> Iterator[Section]:
-    """What was `maximised`, its parts, and the standard errors; nothing where the criterion is of the prior mean."""
-    values, over = design.scenarios, design.settings.over
+def over_sections(design: OverScenarios) -> Iterator[Section]:
+    """What was maximised, its parts, and the standard errors; nothing where the criterion is of the prior mean."""
+    values, over = design.scenarios, design.settings.goal.over
     if values is None or over is None:
         return
     scenarios = f"nodes of {over.scenarios}" if isinstance(over.scenarios, Rule) else "given values"
     log_dets = np.array(values.log_dets)
     facts = [
-        ("maximised", f"{maximised} over {counted(len(log_dets), 'scenario')}, {scenarios}: {values.value:.4f}"),
+        (
+            "maximised",
+            f"{design.settings.goal.maximised} over {counted(len(log_dets), 'scenario')}, {scenarios}: {values.value:.4f}",
+        ),
         ("log det F at the prior mean", f"{design.evaluation.log_det:.4f}"),
         ("in the mean of the scenarios", f"{values.mean:.4f}"),
         ("smallest, largest", f"{log_dets.min():.4f}, {log_dets.max():.4f}"),

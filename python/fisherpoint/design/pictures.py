@@ -14,7 +14,6 @@ from matplotlib.ticker import MaxNLocator
 from ..basics.checks import check_choice
 from ..show.standard_errors import standard_error_figure
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
-from .criterion_report import maximised
 from .evaluated import Evaluated
 from .found import FoundDesign
 from .pictures_points import plot_points
@@ -42,8 +41,8 @@ def plot_criterion(design: FoundDesign) -> Figure:
                 if design.scenarios is None:
                     _reference(axes, design.efficiency.random_median, "median random design", ":")
         axes.set_xlabel("iteration")
-        units = ", parameters in prior std" if design.settings.criterion in ("D", "Ds") else ", F as in (7)"
-        axes.set_ylabel(f"{maximised(design)}{units}")
+        units = ", parameters in prior std" if design.settings.goal.criterion in ("D", "Ds") else ", F as in (7)"
+        axes.set_ylabel(f"{design.settings.goal.maximised}{units}")
         axes.set_title(f'Criterion, output covariance "{kind}"')
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="center right", frameon=True, framealpha=0.95, edgecolor="none")

@@ -21,11 +21,10 @@ from ..points.outside import few, outside
 from ..points.status import Status
 from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
-from .criterion_report import at_least, bound_of, goal_facts, goal_text, in_units, maximised
+from .criterion_report import at_least, bound_of, goal_facts, in_units
 from .efficiency import Efficiency
 from .evaluated import Evaluated
 from .found import FoundDesign
-from .optimality.goal import named
 from .over_report import over_sections
 from .settings import searched_by
 from .singular_report import ridge_facts, singular_warning
@@ -45,11 +44,11 @@ def design_report(design: FoundDesign, most: int = ROWS) -> Report:
         _points_table(design, most),
         _parameter_table(design),
         _criterion(design),
-        *over_sections(design, maximised(design)),
+        *over_sections(design),
     ]
     sections += _efficiency(design)
     if design.feasibility is not None:
-        sections += plants_sections(design.feasibility, design.settings.confidence)
+        sections += plants_sections(design.feasibility, design.settings.goal.share_of_plants)
     sections.append(_search(design))
     if design.rejected:
         sections.append(_counts("Rejected candidates", design.rejected, design.drawn, "of drawn"))
@@ -69,9 +68,9 @@ def _plants_warnings(design: FoundDesign) -> Iterator[str]:
     if feasibility is not None and not design.feasible:
         yield (
             f"Only {percent(feasibility.share)} of the plants that the prior allows can run all points, where"
-            f" {percent(design.settings.confidence or 0.0)} was required: narrow the region, or give the search more time."
+            f" {percent(design.settings.goal.confidence or 0.0)} was required: narrow the region, or give the search more time."
         )
-    elif feasibility is not None and design.settings.confidence is None and feasibility.share < USUAL:
+    elif feasibility is not None and design.settings.goal.share_of_plants is None and feasibility.share < USUAL:
         yield (
             f"Only {percent(feasibility.share)} of the plants that the prior allows can run all points. The table of points says"
             " which to leave out, or to begin elsewhere; narrower bounds of the region help."
@@ -106,7 +105,7 @@ def _headline(evaluated: Evaluated) -> str:
     parameters, points = evaluated.evaluation.parameters, evaluated.points
     previous = getattr(evaluated, "n_previous", 0)
     beside = f" beside {previous} previous ones" if previous else ""
-    goal = goal_text(evaluated) if isinstance(evaluated, FoundDesign) else ""
+    goal = evaluated.settings.goal.headline if isinstance(evaluated, FoundDesign) else ""
     return (
         f"{counted(len(points), 'experiment point')}{beside} for {evaluated.problem.model.name}, "
         f"{counted(len(parameters), 'parameter')} to estimate: {', '.join(parameters)}{goal}"
@@ -224,7 +223,7 @@ def _describe_covariance(problem: DesignProblem) -> str:
 
 
 def _efficiency(design: FoundDesign) -> Iterator[Section]:
-    efficiency, name, facts = design.efficiency, design.settings.criterion, []
+    efficiency, name, facts = design.efficiency, design.settings.goal.criterion, []
     if efficiency is None:
         return
     notes = []
@@ -241,7 +240,7 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
         facts.append(("of the best that another search with D = R found", f"{percent(efficiency.vs_best)} {other}"))
     if efficiency.vs_random is not None:
         assert efficiency.random_median is not None
-        what = "log det" if name == "D" else named(name, design.settings.of)
+        what = "log det" if name == "D" else design.settings.goal.named
         median = f"({what} {in_units(design, efficiency.random_median)})"
         facts.append(("of the median random design", f"{percent(efficiency.vs_random)} {median}"))
     if efficiency.vs_bound is not None:
@@ -272,9 +271,9 @@ def _search(design: FoundDesign) -> Section:
     settings, problem = design.settings, design.problem
     exchanges = sum(record.exchanged for record in design.trace)
     last = design.trace[-1].iteration if design.trace else 0
-    stop = _STOP[design.stop_reason].format(patience=settings.patience, time_limit=settings.time_limit or 0)
+    stop = _STOP[design.stop_reason].format(patience=settings.method.patience, time_limit=settings.time_limit or 0)
     rate = f" ({design.drawn / design.seconds:.0f} per second)" if design.seconds > 0 else ""
-    method = searched_by(settings.method, problem)
+    method = searched_by(settings.method.name, problem)
     each = f", {settings.n_candidates} per iteration" if method == "paper" else ""
     facts = [
         ("method", _METHOD[method]),

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..show.progress import Step
+from .optimality.goal import Goal
 from .points.point_search import Progress
 
 
-def points_step(criterion: str) -> Callable[[Progress], Step]:
+def points_step(goal: Goal) -> Callable[[Progress], Step]:
     """Steps of a progress bar for a search for points."""
-    what = "log det" if criterion == "D" else "log of the criterion"
+    what = "log det" if goal.criterion == "D" else "log of the criterion"
 
     def step(now: Progress) -> Step:
         rate = now.drawn / now.seconds if now.seconds > 0 else 0.0

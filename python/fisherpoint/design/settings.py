@@ -1,107 +1,194 @@
-"""The settings of searches for points and for runs, and their limits."""
+"""What decides the result of the searches for points and for runs: the goal and the options, with defaults and limits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
 
 from ..basics.checks import (
-    LARGEST_INT,
     as_float,
     as_positive,
-    as_probability,
-    as_sequence,
-    as_std,
-    by_name,
     check_choice,
     check_flag,
-    check_name,
     check_positive_int,
     check_type,
 )
+from ..basics.kept import decoded, encoded
 from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
-from ..points.codec import points_from_json, points_to_json
-from ..points.experiments import Experiments
-from .optimality.goal import CRITERIA
-from .over_prior import OverPrior
+from .optimality.goal import GOAL_CODEC, GOAL_INSIDE, Goal, with_default_confidence
+from .option import Key, option
 
-Kind = TypeVar("Kind")
 METHODS = ("paper", "auto")
-SINGULAR = ("estimable", "error")
-"""What is done where not all parameters can be determined: a design for those that can, or an error."""
 
 MOST_ITERATIONS = {"paper": 200, "auto": 800}
 """Iterations of a search by its method, where no other number is given; "auto" ends earlier where nothing gains any more."""
-_LEAST = {"n_experiments": 1, "n_candidates": 1, "max_iterations": 0, "seed": 0, "patience": 1, "max_redraws": 0}
 MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
 MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
+
+SEED = Key(int, "Seed of the search; the same seed gives the same design, whatever the number of threads.", least=0)
+TIME_LIMIT = Key(
+    float, "Stop after this many seconds: a safety net, that makes designs differ. Not allowed in a campaign.", above=0
+)
+
+
+@dataclass(frozen=True)
+class ExchangeMethod:
+    """How `exchange` searches for points.
+
+    Parameters
+    ----------
+    name : {"auto", "paper"}
+        "auto" exchanges points from several starts over pools of candidates, at first 200 n_candidates random ones, then in each
+        iteration 12 or 24 n_candidates near the points, and moves all numbers together. It ends as "converged" where nothing gains
+        any more. "paper" is Algorithm 1 with local candidates: a fraction of the time, and designs that are not as good. Where D is
+        "pooled" or "pointwise", and for models of Python functions that cannot be translated, "auto" is "paper".
+    patience : int, optional
+        Stop after so many iterations in a row without an exchange.
+    references : bool
+        Also find what the design is compared with (`Efficiency`).
+    max_redraws : int
+        For "paper": how often candidates are drawn again where none improves Phi (lines 6 to 12); then the best of them is tried
+        all the same.
+    screen : bool
+        For "paper", where the output covariance is "pooled" or "pointwise": order candidates by their linearized covariances and
+        take the rule for the best few only. False takes it for all, as Algorithm 1 is written.
+    local : float
+        For "paper": candidates near the points of the design that are drawn beside the n_candidates, as a share of these over all
+        iterations. They come every fourth time, at least one for each point. 0 for none: Algorithm 1 alone.
+    """
+
+    name: str = option("auto", "method of the search")
+    _: KW_ONLY
+    patience: int | None = option(
+        None,
+        "ends after iterations without an exchange",
+        Key(int, "Stop after this many iterations without an exchange.", least=1, most=MOST["patience"]),
+    )
+    references: bool = option(True, "compared with random designs and bounds")
+    max_redraws: int = option(1, "further draws where no candidate helps, at most")
+    screen: bool = option(True, "candidates are ordered by a cheaper rule first")
+    local: float = option(
+        0.5,
+        "candidates near the points, as a share of the others",
+        Key(
+            float,
+            "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
+            least=0,
+            most=1,
+        ),
+    )
+
+    _COMPLETE: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        check_choice(self.name, METHODS, "method")
+        if self.patience is not None:
+            set_field(self, "patience", check_positive_int(self.patience, "patience", most=MOST["patience"]))
+        set_field(self, "references", check_flag(self.references, "references"))
+        set_field(self, "max_redraws", check_positive_int(self.max_redraws, "max_redraws", 0, MOST["max_redraws"]))
+        set_field(self, "screen", check_flag(self.screen, "screen"))
+        set_field(self, "local", as_float(self.local, "local"))
+        if not 0 <= self.local <= 1:
+            raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
+
+
+def method_of(given: str | ExchangeMethod) -> ExchangeMethod:
+    """Return the method that a search is given: a text is its name."""
+    if isinstance(given, str):
+        return ExchangeMethod(given)
+    if not isinstance(given, ExchangeMethod):
+        raise TypeError(f"method: expected 'paper', 'auto' or an ExchangeMethod, given {type(given).__name__}")
+    return given
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExchangeSettings:
     """The arguments of `exchange` that decide its result, and their defaults; without `max_iterations` it is that of the method."""
 
-    n_experiments: int = 12
-    n_candidates: int = 50
-    max_iterations: int = None  # type: ignore[assignment]  # a number once there is a method
-    seed: int = 0
-    patience: int | None = None
-    time_limit: float | None = None
-    max_redraws: int = 1
-    references: bool = True
-    screen: bool = True
-    local: float = 0.5
-    method: str = "auto"
-    singular: str = "estimable"
-    over: OverPrior | None = None
-    criterion: str = "D"
-    of: str | tuple[str, ...] | None = None
-    conditions: Experiments | None = None
-    scale: Mapping[str, float] | None = None
-    confidence: float | None = None
-    prior_information: bool = False
+    n_experiments: int = option(
+        12, "points", Key(int, "Number of points of the design.", least=1, most=MOST["n_experiments"]), always=True
+    )
+    goal: Goal = Goal()
+    method: ExchangeMethod = option(
+        ExchangeMethod(),
+        "",
+        Key(
+            str,
+            'The [search](../explanation/search.md): `"auto"`, or the faster `"paper"`, which is Algorithm 1 with moves of points'
+            " and gets less close to the best design.",
+            choices=METHODS,
+            default='`"auto"`',
+        ),
+    )
+    n_candidates: int = option(
+        50,
+        "candidates of a draw",
+        Key(
+            int,
+            'Random candidates per iteration; `"auto"` has 200 times as many in its pool. Of runs, random runs to begin with.',
+            least=1,
+            most=MOST["n_candidates"],
+            default="`50`, of runs `500`",
+        ),
+    )
+    max_iterations: int = option(
+        None,  # a number once there is a method
+        "iterations, at most",
+        Key(
+            int,
+            "Largest number of iterations.",
+            least=1,
+            most=MOST["max_iterations"],
+            default=f'`{MOST_ITERATIONS["auto"]}`, with the search `"paper"` `{MOST_ITERATIONS["paper"]}`',
+        ),
+    )
+    seed: int = option(0, "seed", SEED, always=True)
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT)
+
+    _COMPLETE: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
-        check_choice(self.method, METHODS, "method")
+        check_type(self.goal, Goal, "goal")
+        check_type(self.method, ExchangeMethod, "method")
         if self.max_iterations is None:
-            set_field(self, "max_iterations", MOST_ITERATIONS[self.method])
-        for name, least in _LEAST.items():
-            value = getattr(self, name)
-            if value is not None or name != "patience":
-                set_field(self, name, check_positive_int(value, name, least, MOST.get(name, LARGEST_INT)))
-        if self.time_limit is not None:
-            set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "number of seconds"))
-        set_field(self, "references", check_flag(self.references, "references"))
-        set_field(self, "screen", check_flag(self.screen, "screen"))
-        set_field(self, "local", as_float(self.local, "local"))
-        if not 0 <= self.local <= 1:
-            raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
-        check_choice(self.singular, SINGULAR, "singular")
-        _check_kind_of_over(self.over)
-        _check_what_is_asked(self)
-        if self.confidence is not None:
-            set_field(self, "confidence", as_probability(self.confidence, "confidence"))
+            set_field(self, "max_iterations", MOST_ITERATIONS[self.method.name])
+        for name, least in (("n_experiments", 1), ("n_candidates", 1), ("max_iterations", 0)):
+            set_field(self, name, check_positive_int(getattr(self, name), name, least, MOST[name]))
+        _check_seed_and_time(self)
 
 
-def _check_what_is_asked(settings: ExchangeSettings | RunSettings) -> None:
-    """Check the criterion and what it needs by their kinds, each by itself."""
-    set_field = object.__setattr__
-    check_choice(settings.criterion, CRITERIA, "criterion")
-    if settings.of is not None and not isinstance(settings.of, str):
-        set_field(settings, "of", tuple(check_name(one, "of") for one in as_sequence(settings.of, "of", "names")))
-    if settings.conditions is not None:
-        check_type(settings.conditions, Experiments, "conditions")
-    if settings.scale is not None:
-        set_field(settings, "scale", by_name(settings.scale, None, "scale", as_std))
-    set_field(settings, "prior_information", check_flag(settings.prior_information, "prior_information"))
+@dataclass(frozen=True, kw_only=True)
+class RunSettings:
+    """The arguments of `design_runs` that decide its result, and their defaults."""
+
+    n_runs: int = option(1, "runs", always=True)
+    goal: Goal = Goal()
+    n_starts: int = option(8, "starts of the search", always=True)
+    n_candidates: int = option(500, "random runs to begin with")
+    seed: int = option(0, "seed", SEED, always=True)
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT)
+
+    CONFIDENCE: ClassVar[float] = 0.99
+    """Of a goal that has none."""
+
+    _COMPLETE: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        check_type(self.goal, Goal, "goal")
+        set_field(self, "goal", with_default_confidence(self.goal, self.CONFIDENCE))
+        for name, most in MOST_OF_RUNS.items():
+            set_field(self, name, check_positive_int(getattr(self, name), name, most=most))
+        _check_seed_and_time(self)
 
 
-def _check_kind_of_over(over: object) -> None:
-    if over is not None and not isinstance(over, OverPrior):
-        raise TypeError(f"over: expected an OverPrior or None, given {type(over).__name__}")
+def _check_seed_and_time(settings: ExchangeSettings | RunSettings) -> None:
+    object.__setattr__(settings, "seed", check_positive_int(settings.seed, "seed", 0))
+    if settings.time_limit is not None:
+        object.__setattr__(settings, "time_limit", as_positive(settings.time_limit, "time_limit", "number of seconds"))
 
 
 def searched_by(method: str, problem: DesignProblem) -> str:
@@ -110,88 +197,36 @@ def searched_by(method: str, problem: DesignProblem) -> str:
     return "paper" if costly else method
 
 
-def most_iterations(given: int | None, method: str, problem: DesignProblem) -> int:
+def most_iterations(given: int | None, method: ExchangeMethod, problem: DesignProblem) -> int:
     """The largest number of iterations that is given, or that of the method."""
-    if given is not None:
-        return given
-    return MOST_ITERATIONS[searched_by(check_choice(method, METHODS, "method"), problem)]
+    return MOST_ITERATIONS[searched_by(method.name, problem)] if given is None else given
 
 
 def check_goal(settings: ExchangeSettings, problem: DesignProblem) -> None:
-    """Raise where the settings ask for a goal that no search has: one other than log det F at the prior mean."""
-    kind, method = str(problem.output_covariance), searched_by(settings.method, problem)
-    if settings.confidence is not None and method != "auto":
-        raise ValueError(
-            'confidence: expected method = "auto", output_covariance = "noise" or "region" and a model of equations, '
-            f"given method {settings.method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
-        )
-    if method == "auto" and kind == "noise":
-        return
-    goals = {
-        "over": settings.over is not None,
-        f"criterion {settings.criterion!r}": settings.criterion != "D",
-        "prior_information": settings.prior_information,
+    """Raise where the search for a problem cannot have the goal: "paper", and other D than R, maximise log det F at the mean."""
+    goal, kind, method = settings.goal, str(problem.output_covariance), settings.method.name
+    by_auto = searched_by(method, problem) == "auto"
+    others = {
+        "over": goal.over is not None,
+        f"criterion {goal.criterion!r}": goal.criterion != "D",
+        "prior_information": goal.prior_information,
     }
-    for name, given in goals.items():
-        if given:
-            raise ValueError(
-                f'{name}: expected method = "auto", output_covariance = "noise" and a model of equations, '
-                f"given method {settings.method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
-            )
+    unable = [name for name, given in others.items() if given and not (by_auto and kind == "noise")]
+    if goal.share_of_plants is not None and not by_auto:
+        unable.insert(0, "confidence")
+    if unable:
+        name, covariances = unable[0], '"noise" or "region"' if unable[0] == "confidence" else '"noise"'
+        raise ValueError(
+            f'{name}: expected method = "auto", output_covariance = {covariances} and a model of equations, '
+            f"given method {method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
+        )
 
 
-@dataclass(frozen=True)
-class RunSettings:
-    """The arguments of `design_runs` that decide its result."""
-
-    n_runs: int
-    n_starts: int
-    n_candidates: int
-    seed: int
-    confidence: float | None
-    time_limit: float | None
-    _: KW_ONLY
-    over: OverPrior | None = None
-    singular: str = "estimable"
-    criterion: str = "D"
-    of: str | tuple[str, ...] | None = None
-    conditions: Experiments | None = None
-    scale: Mapping[str, float] | None = None
-    prior_information: bool = False
-
-    def __post_init__(self) -> None:
-        set_field = object.__setattr__
-        for name, most in MOST_OF_RUNS.items():
-            set_field(self, name, check_positive_int(getattr(self, name), name, most=most))
-        set_field(self, "seed", check_positive_int(self.seed, "seed", 0))
-        if self.confidence is not None:
-            set_field(self, "confidence", as_probability(self.confidence, "confidence"))
-        if self.time_limit is not None:
-            set_field(self, "time_limit", as_positive(self.time_limit, "time_limit", "time in s"))
-        check_choice(self.singular, SINGULAR, "singular")
-        _check_kind_of_over(self.over)
-        _check_what_is_asked(self)
+def settings_json(settings: ExchangeSettings | RunSettings) -> Any:
+    """The settings as files have them."""
+    return encoded(settings, GOAL_CODEC)
 
 
-def settings_to_json(settings: ExchangeSettings | RunSettings) -> dict[str, Any]:
-    """The arguments of the class as JSON has them."""
-    data, over, conditions = dict(vars(settings)), getattr(settings, "over", None), getattr(settings, "conditions", None)
-    if over is not None:
-        data["over"] = over.to_json()
-    if conditions is not None:
-        data["conditions"] = points_to_json(conditions)
-    if data.get("scale") is not None:
-        data["scale"] = dict(data["scale"])
-    return data
-
-
-def settings_from_json(kind: type[Kind], data: Mapping[str, Any]) -> Kind:
-    """What `settings_to_json` wrote, with every entry: a default would stand for what was lost."""
-    read = dict(data)
-    for missing in (one.name for one in fields(kind) if one.name not in read):  # type: ignore[arg-type]
-        raise ValueError(f"settings: expected an entry {missing!r}, given none")
-    if read.get("over") is not None:
-        read["over"] = OverPrior.from_json(read["over"])
-    if read.get("conditions") is not None:
-        read["conditions"] = points_from_json(read["conditions"])
-    return kind(**read)
+def read_settings(data: Any) -> Any:
+    """What `settings_json` wrote."""
+    return decoded(data, (ExchangeSettings, RunSettings, ExchangeMethod, *GOAL_INSIDE), GOAL_CODEC, "settings")

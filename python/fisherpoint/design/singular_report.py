@@ -30,7 +30,7 @@ def singular_warning(evaluated: Evaluated) -> str:
             f"No point of the region was found with information on {left} (in prior std): measure other outputs, widen the region, "
             "or leave parameters out (parameters = [...])."
         )
-    criterion = evaluated.settings.criterion
+    criterion = evaluated.settings.goal.criterion
     if evaluated.too_few and criterion in OF_ALL:
         numbers = evaluation.n_points * len(evaluation.outputs)
         could = p - len(evaluated.not_told)

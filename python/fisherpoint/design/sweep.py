@@ -21,23 +21,20 @@ from ..information.previous import Previous, previous_information
 from ..information.prior_information import prior_information as information_of_prior
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
-from ..points.codec import points_from_json, points_to_json
-from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
 from ..show.progress import check_progress, following
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
 from .exchange import check_determined, scenarios_of
-from .optimality.aims import Aim
+from .optimality.criteria import Criterion
 from .optimality.estimability import determined, not_told, refuse_open
-from .optimality.goal import OF_ALL
-from .over_prior import OverPrior
+from .optimality.goal import GOAL_CODEC, GOAL_INSIDE, Goal, goal_of
 from .points.candidate_archive import CandidateArchive
 from .points.point_search import PointSearch, Progress
 from .points.size_search import sized_searches
 from .search_steps import sizes_step
-from .settings import MOST, ExchangeSettings, check_goal, most_iterations
+from .settings import MOST, ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns, log_det_of
 
@@ -55,12 +52,11 @@ NO_TIME = 1e-9
 class Sweep(SweptDesigns, Shown, Kept):
     """Designs of several sizes, as `sweep` found them; `SweptDesigns` has its attributes."""
 
-    _INSIDE = (SizedDesign, Cost, ExchangeSettings)
+    _INSIDE = (SizedDesign, Cost, ExchangeSettings, ExchangeMethod, *GOAL_INSIDE)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
-        Experiments: (points_to_json, points_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
-        OverPrior: (OverPrior.to_json, OverPrior.from_json),
+        **GOAL_CODEC,
     }
 
     def _asked(self) -> Sequence[Section]:
@@ -104,22 +100,16 @@ def sweep(
     problem: DesignProblem,
     n_experiments: Iterable[int],
     *,
+    goal: str | Goal = "D",
     cost: Cost | None = None,
+    method: str | ExchangeMethod = "auto",
+    previous: Previous | None = None,
     n_candidates: int = 50,
     max_iterations: int | None = None,
     seed: int = 0,
-    threads: int | None = None,
     time_limit: float | None = None,
-    method: str = "auto",
-    singular: str = "estimable",
+    threads: int | None = None,
     progress: bool | Callable[[int, Progress], None] | None = None,
-    previous: Previous | None = None,
-    over: OverPrior | None = None,
-    criterion: str = "D",
-    of: str | Sequence[str] | None = None,
-    conditions: Experiments | None = None,
-    scale: Mapping[str, float] | None = None,
-    prior_information: bool = False,
 ) -> Sweep:
     """Find designs of several sizes, each from the last one and the candidates of all before.
 
@@ -129,11 +119,11 @@ def sweep(
         With a region and the sensor noise.
     n_experiments : iterable of int
         The sizes, such as ``range(9, 31)``.
+    goal : str or Goal
+        As for :func:`fisherpoint.exchange`, for each size; without `confidence`.
     cost : Cost, optional
         What the designs are charged with. It does not change the designs: each is the best that was found of its size.
-    n_candidates, max_iterations, seed, threads, method, singular, previous
-        As for :func:`fisherpoint.exchange`, for each size.
-    over, criterion, of, conditions, scale, prior_information
+    method, previous, n_candidates, max_iterations, seed, threads
         As for :func:`fisherpoint.exchange`, for each size.
     time_limit : float, optional
         Stop after so many seconds, with the sizes that are done then and the best design so far of the next one.
@@ -160,27 +150,22 @@ def sweep(
         cost.check(problem.model)
     check_progress(progress)
     sizes, threads = _sizes(n_experiments), resolve_threads(threads)
+    goal, method = goal_of(goal, "sweep"), method_of(method)
     settings = ExchangeSettings(
         n_experiments=sizes[0],
+        goal=goal,
+        method=method,
         n_candidates=n_candidates,
         max_iterations=most_iterations(max_iterations, method, problem),
         seed=seed,
         time_limit=time_limit,
-        method=method,
-        singular=singular,
-        over=over,
-        criterion=criterion,
-        of=of,  # type: ignore[arg-type]  # the settings make it a tuple
-        conditions=conditions,
-        scale=scale,
-        prior_information=prior_information,
     )
     check_goal(settings, problem)
     known, _ = previous_information(problem, previous, threads)
-    scenarios = None if over is None else scenarios_of(problem, settings, previous, None, known, threads)
-    seen = CandidateArchive(problem, threads, of_prior=information_of_prior(problem, settings.prior_information))
+    scenarios = None if goal.over is None else scenarios_of(problem, settings, previous, None, known, threads)
+    seen = CandidateArchive(problem, threads, of_prior=information_of_prior(problem, goal.prior_information))
     found: list[_Found] = []
-    space, ridge, aims = None, 0.0, seen.aims
+    space, ridge, criteria = None, 0.0, seen.criteria
     search: PointSearch | None = None
     stop_reason = "done"
     try:
@@ -197,11 +182,11 @@ def sweep(
                 one = _found(search)
                 if one.evaluation.null_directions:
                     space = search.look_at_what_is_told()
-                    if singular == "error" and criterion in OF_ALL:
+                    if goal.requires_all:
                         refuse_open(problem, space, size)
                 seen.include(search.seen)
-                aims = search.aims
-                seen.aims = (search.at_mean,)  # candidates for the next size are chosen by it, at the mean too
+                criteria = search.criteria
+                seen.criteria = (search.at_mean,)  # candidates for the next size are chosen by it, at the mean too
                 ridge = max(ridge, search.ridge)
                 found.append(one)
                 if ended == "time_limit":
@@ -215,19 +200,19 @@ def sweep(
             stop_reason = "interrupted_first"  # who interrupts wants an end: nothing is proven of this one
             found.append(_found(search))
     level = None if space is None or not len(space.null) else determined(problem, space)
-    seen.aims = aims
+    seen.criteria = criteria
     designs, bound = [], None
-    for information, evaluation, aim, maximised in found:
-        own = level if maximised is None else aim.level
+    for information, evaluation, criterion, maximised in found:
+        own = level if maximised is None else criterion.level
         value = log_det_of(evaluation, level) if maximised is None else maximised
         # Beside what is known it depends on the size.
-        afresh = bound is None or known is not None or prior_information or problem.n_nuisance
+        afresh = bound is None or known is not None or goal.prior_information or problem.n_nuisance
         if afresh and stop_reason != "interrupted_first" and np.isfinite(value):
             bound = seen.bound(information, known) if scenarios is None else seen.bound_over(information, known, scenarios)
         points = information.experiments
         at_most = None if bound is None or not np.isfinite(value) else max(bound.log_det, value)
         costs = None if cost is None else cost.of(points, problem.model)
-        degree = 1 if maximised is None else aim.criterion.degree
+        degree = 1 if maximised is None else criterion.degree
         designs.append(SizedDesign(points, evaluation, costs, at_most, maximised=maximised, level=own, degree=degree))
     return Sweep(
         problem=problem,
@@ -248,17 +233,17 @@ class _Found(NamedTuple):
 
     information: PointInformation
     evaluation: Evaluation
-    aim: Aim
+    criterion: Criterion
     maximised: float | None
 
 
 def _found(search: PointSearch) -> _Found:
-    evaluation, aim, maximised = search.under_noise(), search.aims[0], search.best.log_det
+    evaluation, criterion, maximised = search.under_noise(), search.criteria[0], search.best.log_det
     assert evaluation is not None
-    if aim.criterion.name != search.settings.criterion:  # the points are too few for it, and chosen by log det F
-        aim, maximised = search.goals[0], -np.inf
-    usual = search.scenarios is None and search.goals[0].of_all
-    return _Found(search.best.information, evaluation, aim, None if usual else maximised)
+    if criterion.name != search.settings.goal.criterion:  # the points are too few for it, and chosen by log det F
+        criterion, maximised = search.unrestricted[0], -np.inf
+    usual = search.scenarios is None and search.unrestricted[0].of_all
+    return _Found(search.best.information, evaluation, criterion, None if usual else maximised)
 
 
 def _sizes(given: Iterable[int]) -> list[int]:

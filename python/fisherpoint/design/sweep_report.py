@@ -7,7 +7,6 @@ import numpy as np
 from ..information.combinations import combinations
 from ..show.numbers import computed, counted, number, percent, percent_down
 from ..show.section import Report, Section
-from .criterion_report import maximised_of
 from .optimality.goal import OF_ALL
 from .singular_report import GUIDE, ridge_facts
 from .swept import SweptDesigns
@@ -31,8 +30,8 @@ _ERRORS = {
 def sweep_report(sweep: SweptDesigns) -> Report:
     """The designs by size."""
     prior, settings = sweep.problem.prior.std, sweep.settings
-    name = "D" if settings is None else settings.criterion
-    error, what = _ERRORS.get(name, _ERRORS["D"]), "log det F" if settings is None else maximised_of(settings)
+    name = "D" if settings is None else settings.goal.criterion
+    error, what = _ERRORS.get(name, _ERRORS["D"]), "log det F" if settings is None else settings.goal.maximised
     written = computed if name in ("c", "I", "ME") else percent
     rows, marked, timed = [], [], bool(sweep.problem.model.states)
     most = len(sweep.problem.estimated) - len(sweep.not_told)
@@ -66,9 +65,9 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
     notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep)]
-    if settings is not None and settings.prior_information:
+    if settings is not None and settings.goal.prior_information:
         notes.append("The prior's information counts once beside the data, in the criterion, its bounds and the errors.")
-    if settings is not None and settings.over is not None:
+    if settings is not None and settings.goal.over is not None:
         notes.append("The errors of parameters are those at the prior mean.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []

@@ -7,7 +7,7 @@ import warnings
 from ..basics.checks import check_flag, check_type
 from ..points.runs import Points, Runs, as_runs
 from .evaluation import Evaluation, evaluate_information
-from .output_covariance import criterion, needs_covariances
+from .output_covariance import needs_covariances, output_covariance
 from .point_information import PointInformation
 from .previous import Previous, previous_information
 from .problem import DesignProblem
@@ -59,7 +59,7 @@ def evaluate_design(
         warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
     if known is not None:
         information = PointInformation.join([known, information])
-    return evaluate_information(problem, information, criterion(problem, information, threads), threads, prior_information)
+    return evaluate_information(problem, information, output_covariance(problem, information, threads), threads, prior_information)
 
 
 def evaluate_under_noise(

@@ -24,7 +24,7 @@ from .combinations import combination
 from .nearby import Nearby, nearby_of
 from .nuisance import marginal_rows
 from .null_space import column_scaled_svd, null_directions, without_rounding
-from .output_covariance import Criterion, cholesky_factor, whitened
+from .output_covariance import OutputCovariance, cholesky_factor, whitened
 from .point_information import PointInformation
 from .prior_information import prior_rows
 from .problem import OUTPUT_COVARIANCES, DesignProblem
@@ -228,7 +228,7 @@ def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def evaluate_information(
-    problem: DesignProblem, information: PointInformation, d: Criterion, threads: int | None, prior_information: bool = False
+    problem: DesignProblem, information: PointInformation, d: OutputCovariance, threads: int | None, prior_information: bool = False
 ) -> Evaluation:
     """Evaluate points whose information is known, with that of the prior beside it on request."""
     names, std = problem.estimated, problem.std

@@ -19,7 +19,7 @@ from ..points.runs import as_runs
 from ..points.status import Status
 from ..show.numbers import computed
 from .null_space import column_scaled_svd, without_rounding
-from .output_covariance import Criterion
+from .output_covariance import OutputCovariance
 from .point_information import PointInformation
 from .problem import DesignProblem
 from .run_information import samples_at
@@ -106,7 +106,7 @@ def times(growth: float) -> str:
 def nearby_of(
     problem: DesignProblem,
     information: PointInformation,
-    d: Criterion,
+    d: OutputCovariance,
     factor: Array,
     half: Array,
     threads: int | None,
@@ -119,7 +119,7 @@ def nearby_of(
     problem : DesignProblem
     information : PointInformation
         The points at the prior mean.
-    d : Criterion
+    d : OutputCovariance
         The sensor noise.
     factor : ndarray
         Cholesky factor of the D by which prepared sensitivities are whitened.
@@ -180,7 +180,7 @@ def _moved(problem: DesignProblem, moves: Array) -> Array:
     return theta
 
 
-def _white(d: Criterion, factor: Array, information: PointInformation) -> Array:
+def _white(d: OutputCovariance, factor: Array, information: PointInformation) -> Array:
     """Sensitivities (K, n, n_unknowns) in units of the outputs' standard deviations."""
     return np.asarray(np.linalg.solve(factor, d.prepare(information).sensitivity), dtype=np.float64)
 

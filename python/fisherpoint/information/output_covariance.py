@@ -27,8 +27,8 @@ _region_means: WeakKeyDictionary[DesignProblem, Array] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
-class Criterion:
-    """log det F as a function of points, for one form of D.
+class OutputCovariance:
+    """D of (7) in one of its forms, and the sums over points that F is made of.
 
     D = `base`, plus the mean predictive covariance of the points where `pooled`. Where each point has its `own` D_k, it is whitened
     with that when it is prepared, and `given`, the D of what is accumulated, is the identity.
@@ -80,17 +80,15 @@ class Criterion:
         accumulator.add(prepared.sensitivity, prepared.covariance)
         return accumulator
 
-    def output_covariance(self, prepared: PointInformation) -> Array:
-        """D (n, n) of the accumulator; the identity where each point has its own."""
-        return self.accumulate(prepared).output_covariance(self.given, self.pooled)
-
 
 def needs_covariances(kind: str) -> bool:
     """Whether D needs the predictive covariance of every point."""
     return kind in ("pooled", "pointwise")
 
 
-def criterion(problem: DesignProblem, sample: PointInformation, threads: int | None, kind: str | None = None) -> Criterion:
+def output_covariance(
+    problem: DesignProblem, sample: PointInformation, threads: int | None, kind: str | None = None
+) -> OutputCovariance:
     """Choose D for a problem.
 
     Parameters
@@ -123,7 +121,7 @@ def criterion(problem: DesignProblem, sample: PointInformation, threads: int | N
         raise ValueError("previous: expected all outputs measured for output_covariance 'pooled', given some that are not")
     # R alone is diagonal: what is not measured drops out of it without a D of the point's own.
     own = kind == "pointwise" or (kind != "pooled" and sample.assumed is not None) or (kind == "region" and partly)
-    d = Criterion(kind, used, names, base, own)
+    d = OutputCovariance(kind, used, names, base, own)
     if kind == "pooled":
         check_regular(base + d.prepare(sample).covariance.mean(axis=0), names, kind)
     else:

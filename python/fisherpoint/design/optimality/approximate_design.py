@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ...basics.checks import check_choice, check_positive_int
-from ...basics.declared import Choices, Extents
+from ...basics.declared import Extents
 from ...basics.extras import needed_for
 from ...basics.kept import Codec, Kept
 from ...basics.values import Array
@@ -21,19 +21,19 @@ from ...information.previous import HasPoints
 from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
-from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
 from ...points.runs import as_runs, points_of
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
 from ..average import Average
-from ..over_prior import OverPrior, moved_problems
+from ..over_prior import moved_problems
 from .approximate_report import approximate_report
 from .averaged import Averaged, EstimableOver, joined
 from .candidate_rows import CandidateRows
 from .criteria import Criterion
 from .estimable import Estimable
-from .goal import CRITERIA, criterion
+from .goal import GOAL_CODEC, GOAL_INSIDE, Goal
+from .goal_criterion import criterion_of
 from .point_rows import PointRows
 from .rounding import efficient_rounding
 
@@ -53,18 +53,10 @@ class ApproximateDesign(Shown, Kept):
     Attributes
     ----------
     problem : DesignProblem
-    criterion_name : {"D", "A", "E", "c", "Ds", "I"}
-    of : str, tuple of str or None
-        The function, parameters or output that the criterion is about.
-    conditions : Experiments or None
-        Where the output is predicted.
-    scale : mapping of parameter name to float, or None
+    goal : Goal
     n_experiments : int or None
-        Beside how many experiments what is known beforehand counts once; None where nothing was added.
-    prior_information : bool
-        Whether the prior's information about the parameters was added; that about uncertain constants always is.
-    over : OverPrior or None
-        The criterion over the prior; None where it is of the prior mean.
+        Beside how many experiments what is known beforehand counts once: the prior's information where the goal adds it, and that
+        about uncertain constants. None where nothing was added.
     points : Experiments
         The support.
     weights : ndarray, (m,)
@@ -103,10 +95,7 @@ class ApproximateDesign(Shown, Kept):
     """
 
     problem: DesignProblem
-    criterion_name: str
-    of: str | tuple[str, ...] | None
-    conditions: Experiments | None
-    scale: Mapping[str, float] | None
+    goal: Goal
     n_experiments: int | None
     points: Experiments
     weights: Array
@@ -124,11 +113,8 @@ class ApproximateDesign(Shown, Kept):
     left_out: Mapping[str, int]
     deleted: int
     seconds: float
-    _: KW_ONLY
-    over: OverPrior | None = None
-    prior_information: bool = False
 
-    _INSIDE = (Estimable, EstimableOver)
+    _INSIDE = (Estimable, EstimableOver, *GOAL_INSIDE)
     _EXTENTS: ClassVar[Extents] = {
         "points.x0": ("m", "problem.model.states"),
         "points.u": ("m", "problem.model.inputs"),
@@ -140,12 +126,10 @@ class ApproximateDesign(Shown, Kept):
         "estimable.length": ("h",),
         "null_directions": ("*", "some problem.estimated"),
     }
-    _CHOICES: ClassVar[Choices] = {"criterion_name": CRITERIA}
     _POSITIVE = ("level", "n_experiments")
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
-        Experiments: (points_to_json, points_from_json),
-        OverPrior: (OverPrior.to_json, OverPrior.from_json),
+        **GOAL_CODEC,
     }
 
     def _check_content(self) -> None:
@@ -154,16 +138,11 @@ class ApproximateDesign(Shown, Kept):
     @cached_property
     def criterion(self) -> Criterion:
         """The criterion, as a function of information matrices; at the prior mean."""
-        return self._criterion_at(self.problem)
-
-    def _criterion_at(self, problem: DesignProblem) -> Criterion:
-        options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
-        found = criterion(problem, self.criterion_name, **options)  # type: ignore[arg-type]
-        return found.beside_nuisance(problem.n_nuisance)
+        return criterion_of(self.problem, self.goal)
 
     @cached_property
     def _scenarios(self) -> tuple[tuple[DesignProblem, ...], Average] | None:
-        return None if self.over is None else moved_problems(self.problem, self.over)
+        return None if self.goal.over is None else moved_problems(self.problem, self.goal.over)
 
     @cached_property
     def _asked_for(self) -> Criterion:
@@ -171,7 +150,7 @@ class ApproximateDesign(Shown, Kept):
         if self._scenarios is None:
             return self.criterion
         problems, average = self._scenarios
-        return Averaged([self._criterion_at(one) for one in problems], average, [self.problem.n_unknowns] * len(problems))
+        return Averaged([criterion_of(one, self.goal) for one in problems], average, [self.problem.n_unknowns] * len(problems))
 
     @property
     def scenario_values(self) -> tuple[float, ...] | None:
@@ -181,7 +160,7 @@ class ApproximateDesign(Shown, Kept):
         assert isinstance(self.estimable, EstimableOver)
         found = []
         for one, matrix, space in zip(self._scenarios[0], self.information, self.estimable.parts, strict=True):
-            own = self._criterion_at(one)
+            own = criterion_of(one, self.goal)
             if len(space.null):
                 own, matrix = own.within(space.orthonormal), space.span.T @ matrix @ space.span
             found.append(own.value(matrix))
@@ -194,7 +173,7 @@ class ApproximateDesign(Shown, Kept):
     def _constant(self) -> Array | None:
         if self.n_experiments is None:
             return None
-        return prior_information(self.problem, self.prior_information) / self.n_experiments
+        return prior_information(self.problem, self.goal.prior_information) / self.n_experiments
 
     def sensitivity(self, points: Experiments, *, threads: int | None = None) -> Array:
         """The sensitivity function (K,) at any points; NaN where a point is none. The design is optimal where it is <= `level`."""
@@ -231,7 +210,7 @@ class ApproximateDesign(Shown, Kept):
         return self._share(CandidateRows(rows, self._constant).information(np.arange(count), np.full(count, 1 / count)))
 
     def _share(self, information: Array) -> float:
-        into, own = self.estimable.into, self.information if self.over is None else joined(list(self.information))
+        into, own = self.estimable.into, self.information if self.goal.over is None else joined(list(self.information))
         inner = self._asked_for.within(self.estimable)
         ratio = inner.log_phi(into.T @ information @ into) - inner.log_phi(into.T @ own @ into)
         if ratio + np.log(self.efficiency) > BEYOND:

@@ -12,8 +12,7 @@ from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number, percent_down
 from ...show.section import Report, Section
-from ..over_prior import OverPrior
-from .goal import WORDS
+from .goal import WORDS, Goal
 
 CLEARLY = 0.999
 """A proven efficiency below which the report warns."""
@@ -25,15 +24,9 @@ class Reported(Protocol):
     @property
     def problem(self) -> DesignProblem: ...
     @property
-    def criterion_name(self) -> str: ...
-    @property
-    def of(self) -> str | tuple[str, ...] | None: ...
+    def goal(self) -> Goal: ...
     @property
     def n_experiments(self) -> int | None: ...
-    @property
-    def prior_information(self) -> bool: ...
-    @property
-    def over(self) -> OverPrior | None: ...
     @property
     def scenario_values(self) -> tuple[float, ...] | None: ...
     @property
@@ -68,7 +61,7 @@ def approximate_report(design: Reported) -> Report:
     if design.starts:
         among += f" and {counted(design.starts, 'local ascent')} of the sensitivity function"
     headline = (
-        f"Weights of {counted(len(design.points), 'point')}: {design.criterion_name}-efficiency at least "
+        f"Weights of {counted(len(design.points), 'point')}: {design.goal.criterion}-efficiency at least "
         f"{floored(design.efficiency)} among {among}"
     )
     return Report(headline, [_support(design), _proof(design)], list(_warnings(design)))
@@ -88,9 +81,10 @@ def _support(design: Reported) -> Section:
 
 
 def _proof(design: Reported) -> Section:
-    about = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
+    goal = design.goal
+    about = "" if goal.of is None else f" of {goal.of if isinstance(goal.of, str) else ', '.join(goal.of)}"
     facts = [
-        ("criterion", f"{design.criterion_name}{about}"),
+        ("criterion", f"{goal.criterion}{about}"),
         *_values(design),
         ("largest sensitivity met, the level at best", f"{design.level * design.largest:.7g}, level {design.level}"),
         ("efficiency by concavity", f"at least {floored(design.efficiency)}"),
@@ -99,7 +93,7 @@ def _proof(design: Reported) -> Section:
     if design.starts:
         facts.append(("and what was met by", f"{counted(design.starts, 'local ascent')} in the region"))
     if design.n_experiments is not None:
-        known = "with the prior's information, for" if design.prior_information else "what is known of constants counts once in"
+        known = "with the prior's information, for" if goal.prior_information else "what is known of constants counts once in"
         facts.append((known, counted(design.n_experiments, "experiment")))
     facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
     facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]
@@ -115,12 +109,11 @@ def _proof(design: Reported) -> Section:
 
 def _values(design: Reported) -> Iterator[tuple[str, str]]:
     """The criterion of one experiment, or its average over scenarios, and the smallest and largest of these."""
-    name, words, values = design.criterion_name, WORDS[design.criterion_name], design.scenario_values
-    if design.over is None or values is None:
+    words, over, values = WORDS[design.goal.criterion], design.goal.over, design.scenario_values
+    if over is None or values is None:
         yield f"{words} of one experiment", computed(design.value, 7)
         return
-    what = words if name in ("D", "Ds") else f"-log({words})"
-    yield "maximised", f"{design.over.described_with(what)} over {counted(len(values), 'scenario')}"
+    yield "maximised", f"{design.goal.maximised} over {counted(len(values), 'scenario')}"
     yield "its value, of one experiment", computed(design.value, 7)
     yield "in the scenarios", f"{words} from {computed(min(values), 5)} to {computed(max(values), 5)}"
 

@@ -23,8 +23,12 @@ import numpy as np
 
 from ...basics.values import Array
 from ..average import Average
-from .criteria import Criterion, Determinant, Slope
+from .criteria import Criterion, Slope
+from .determinant import Determinant
 from .estimable import Estimable
+
+MOST_OF_ALL = 320
+"""Scenarios times parameters: matrices of this size are made of every candidate that is weighed."""
 
 LEAST_SOFTNESS = 1e-12
 """Smoothing of the average where none is required."""

@@ -31,8 +31,8 @@ class CandidateRows:
     rows : ndarray, (K, n, p), or (K, S, n, p) of S scenarios
         dy/dtheta in units of the noise and of the parameters' scale. With scenarios F_i has the matrices there as blocks on its
         diagonal.
-    constant : ndarray, (p, p), optional
-        What is added to each F_i, in every scenario: a share of information that is there already.
+    constant : ndarray, (p, p), or (S, p, p), optional
+        What is added to each F_i, the same in every scenario or not: a share of information that is there already.
     """
 
     def __init__(self, rows: Array, constant: Array | None = None) -> None:
@@ -41,7 +41,11 @@ class CandidateRows:
     @property
     def parts(self) -> list[CandidateRows]:
         """The candidates in each scenario; themselves where there are none."""
-        return [self] if self.rows.ndim == 3 else [CandidateRows(own, self.constant) for own in np.moveaxis(self.rows, 1, 0)]
+        if self.rows.ndim == 3:
+            return [self]
+        constant, rows = self.constant, np.moveaxis(self.rows, 1, 0)
+        varies = constant is not None and constant.ndim == 3
+        return [CandidateRows(own, constant[s] if constant is not None and varies else constant) for s, own in enumerate(rows)]
 
     def _places(self, into: Array) -> list[tuple[CandidateRows, Array, NDArray[np.intp]]]:
         """The candidates in each scenario, what of columns (S p, q) belongs to it, and which of these are not zero there."""

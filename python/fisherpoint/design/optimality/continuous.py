@@ -13,11 +13,13 @@ from ...information.point_information import PointInformation
 from ...points.experiments import Experiments
 from .ascents import ascend, newton
 from .candidate_rows import CandidateRows, Places
-from .criteria import Criterion, Determinant, Variance
+from .criteria import Criterion
+from .determinant import Determinant
 from .elfving import moved, smallest_sum
 from .estimable import Estimable
 from .point_rows import PointRows
 from .unit_box import UnitBox, distinct, groups_within
+from .variance import Variance
 from .weights import REGULAR, Weights, optimal_weights
 
 ABOVE = 1e-3

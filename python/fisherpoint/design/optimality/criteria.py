@@ -1,4 +1,4 @@
-"""Criteria of optimality as functions of an information matrix, with what their optima are recognised by.
+"""Criteria of optimality as functions of an information matrix: what searches maximise, and what optima are recognised by.
 
 Every criterion but "ME" is given by an information function phi: positively homogeneous, concave and increasing in the information
 matrix (Pukelsheim, Optimal Design of Experiments, 1993, ch. 5). With G the derivative of log phi at any M, tr(G M) = 1, and
@@ -7,6 +7,9 @@ matrix (Pukelsheim, Optimal Design of Experiments, 1993, ch. 5). With G the deri
 
 so that of all mixtures of matrices F_i none has more than phi(M) max_i tr(G F_i). M itself is optimal if and only if that maximum
 is 1: the equivalence theorem. It holds for matrices of any rank.
+
+Searches maximise the objective, `level` log phi(F), which is log det F for "D", with the level p. So what a search gains means the
+same for all criteria: log phi by 1e-4 is one measurement in ten thousand.
 """
 
 from __future__ import annotations
@@ -83,6 +86,13 @@ class Criterion(InNotebooks):
     level: int = 1
     kinked: bool = False
     degree: int = 1  # of phi: 0 where it does not matter how much is measured
+    plain: bool = False  # log det F itself, whatever the coordinates
+    of_all: bool = False  # log det of the information about all parameters, or about all of them that are estimable
+    bounded: bool = False  # `added` are upper bounds; `added_exactly` has the values
+    # Multiples of the identity that are added to an F of about the identity where a point leaves it, and where it is singular:
+    # neither they nor rounding matter in differences of variances.
+    least: float = 1e-8
+    small: float = 1e-8
 
     @abstractmethod
     def value(self, information: Array) -> float:
@@ -155,122 +165,47 @@ class Criterion(InNotebooks):
         """Return the criterion of the parameters as a function of information that has `nuisance` more rows, behind them."""
         raise NotImplementedError
 
+    def restricted_to(self, space: Estimable) -> Criterion:
+        """Return the criterion of what is estimable; itself where that is everything, or where it is of certain functions."""
+        found = self.restricted(space.span)
+        return found if len(space.null) else self
 
-class Determinant(Criterion):
-    """log det (K^T M^-1 K)^-1: "D" where K is the identity, "Ds" where it picks parameters and the others are nuisance."""
+    # --- What searches maximise ------------------------------------------------------------------------------------------
 
-    def __init__(self, name: str, k: Array, whole: bool, of_all: bool = False) -> None:
-        self.name, self.k, self.level = name, k, k.shape[1]
-        self.whole = whole  # K spans everything, or all that is estimable: D, in whatever coordinates
-        self.of_all = whole or of_all  # it asks for all that is estimable of K, whose columns are orthonormal
+    def objective(self, fisher: Array) -> float:
+        """`level` log phi(F); -inf where F does not determine the criterion."""
+        return self.level * self.log_phi(fisher)
 
-    def value(self, information: Array) -> float:
-        return self.of_log_phi(self.log_phi(information))
+    def objectives(self, fishers: Array) -> Array:
+        """`objective` of many F (..., p, p), (...)."""
+        flat = fishers.reshape(-1, *fishers.shape[-2:])
+        return np.asarray(self.level * self.log_phis(flat).reshape(fishers.shape[:-2]))
 
-    def of_log_phi(self, log_phi: float) -> float:
-        return self.level * log_phi
+    def added(self, fisher: Array, columns: Array) -> Array:
+        """exp of the objective at F + W W^T (N,) less `offset`, of columns (p, n, N)."""
+        raise NotImplementedError
 
-    def gradient(self, information: Array) -> Array:
-        return self.level * self.slope(information).gradient
+    def added_exactly(self, fisher: Array, columns: Array) -> Array:
+        """Exact values where those of `added` are bounds."""
+        return self.added(fisher, columns)
 
-    def log_phi(self, information: Array) -> float:
-        solved = half_solved(information, self.k)
-        if solved is None:
-            return -np.inf
-        return -2.0 * float(np.log(np.abs(np.diag(np.linalg.qr(solved, mode="r")))).sum()) / self.level
+    def offset(self, fisher: Array, factor: Array) -> float:
+        """Objective less the logarithm of `added`; `factor` is L of the coordinates."""
+        return 0.0
 
-    def log_phis(self, matrices: Array) -> Array:
-        def of_solved(solved: Array) -> Array:
-            pivots = np.diagonal(np.linalg.qr(solved, mode="r"), axis1=1, axis2=2)
-            return np.asarray(-2.0 * np.log(np.abs(pivots)).sum(axis=1) / self.level)
+    def in_coordinates(self, factor: Array) -> Criterion:
+        """Return the criterion as a function of matrices L^-1 F L^-T."""
+        raise NotImplementedError
 
-        return self._of_regular(matrices, of_solved)
-
-    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
-        factor = np.asarray(np.linalg.cholesky(information), dtype=np.float64)
-        whitened = np.linalg.solve(factor, self.k)
-        r = np.asarray(np.linalg.qr(whitened, mode="r"), dtype=np.float64)
-        # Z (K^T M^-1 K)^-1/2 with Z = M^-1 K, over sqrt(s)
-        half = np.linalg.solve(factor.T, np.linalg.solve(r.T, whitened.T).T)
-        log_phi = -2.0 * float(np.log(np.abs(np.diag(r))).sum()) / self.level
-        return Slope(self, half / np.sqrt(self.level), log_phi, factor, 0.0)
-
-    def _curvature(self, slope: Slope, matrices: Array) -> Array:
-        across = _across(slope, matrices)
-        inner = slope.half.T @ matrices @ slope.half
-        inner = inner.reshape(len(matrices), -1)
-        return np.asarray(self.level * (inner @ inner.T) - 2.0 * (across @ across.T))
-
-    def within(self, estimable: Estimable) -> Criterion:
-        if self.whole:
-            return Determinant(self.name, np.eye(estimable.rank), True)
-        k = self._estimable_part(estimable.span) if self.of_all and len(estimable.null) else self.k
-        return Determinant(self.name, estimable.into.T @ k, False, self.of_all)
-
-    def restricted(self, span: Array) -> Criterion:
-        if self.whole:
-            return Determinant(self.name, np.asarray(span), True)
-        return Determinant(self.name, self._estimable_part(span), False, True) if self.of_all else self
-
-    def beside_nuisance(self, nuisance: int) -> Criterion:
-        return Determinant(self.name, padded(self.k, nuisance), False, self.whole) if nuisance else self
-
-    def outside(self, estimable: Estimable) -> float:
-        return 0.0 if self.of_all else estimable.outside(self.k)
-
-    def _estimable_part(self, span: Array) -> Array:
-        """An orthonormal basis of what of K is in the span: all of a column, or of a sum of columns, or nothing."""
-        u, s, _ = np.linalg.svd(span @ (span.T @ self.k), full_matrices=False)
-        return np.asarray(u[:, s > 0.5])
+    def objective_slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
+        """The objective, or what is near to it and smooth, and its derivative by F times rows (k, p)."""
+        diagonal = np.diag(fisher)
+        slope = self.slope(fisher + TINY * np.diag(np.maximum(diagonal, TINY * diagonal.max())))
+        return self.level * slope.log_phi, self.level * (rows @ slope.half) @ slope.half.T
 
 
-class Variance(Criterion):
-    """tr(K^T M^-1 K): "A" where K scales the parameters, "c" for one function of them, "I" for predictions."""
-
-    def __init__(self, name: str, k: Array, whole: bool = False) -> None:
-        self.name, self.k, self.level = name, k, 1
-        self.whole = whole  # "A", which asks for what is estimable
-
-    def value(self, information: Array) -> float:
-        return self.of_log_phi(self.log_phi(information))
-
-    def of_log_phi(self, log_phi: float) -> float:
-        return float(np.exp(-log_phi))
-
-    def gradient(self, information: Array) -> Array:
-        slope = self.slope(information)
-        return np.asarray(-np.exp(-slope.log_phi) * slope.gradient)
-
-    def log_phi(self, information: Array) -> float:
-        solved = half_solved(information, self.k)
-        return -np.inf if solved is None else -float(np.log(np.square(solved).sum()))
-
-    def log_phis(self, matrices: Array) -> Array:
-        return self._of_regular(matrices, lambda solved: np.asarray(-np.log(np.square(solved).sum(axis=(1, 2)))))
-
-    def slope(self, information: Array, share: float = 0.0, size: float | None = None) -> Slope:
-        factor = np.asarray(np.linalg.cholesky(information), dtype=np.float64)
-        whitened = np.linalg.solve(factor, self.k)
-        variance = float(np.square(whitened).sum())
-        half = np.linalg.solve(factor.T, whitened) / np.sqrt(variance)
-        return Slope(self, half, -float(np.log(variance)), factor, 0.0)
-
-    def _curvature(self, slope: Slope, matrices: Array) -> Array:
-        across, along = _across(slope, matrices), slope.along(matrices)
-        return np.asarray(np.outer(along, along) - 2.0 * (across @ across.T))
-
-    def within(self, estimable: Estimable) -> Criterion:
-        return Variance(self.name, estimable.into.T @ estimable.projected(self.k), self.whole)
-
-    def restricted(self, span: Array) -> Criterion:
-        return Variance(self.name, span @ (span.T @ self.k)) if self.whole else self
-
-    def beside_nuisance(self, nuisance: int) -> Criterion:
-        return Variance(self.name, padded(self.k, nuisance), self.whole) if nuisance else self
-
-    def outside(self, estimable: Estimable) -> float:
-        return 0.0 if self.whole else estimable.outside(self.k)
-
+TINY = 1e-12
+"""Relative addition of ascents to the diagonal of F, which may be singular where a criterion is not of all parameters."""
 
 SINGULAR = 1e-14
 """Share of the largest eigenvalue below which the smallest is rounding."""
@@ -292,7 +227,7 @@ def half_solved(information: Array, k: Array) -> Array | None:
     return np.asarray((inside.T @ rows) / np.sqrt(values[kept])[:, None])
 
 
-def _across(slope: Slope, matrices: Array) -> Array:
+def across(slope: Slope, matrices: Array) -> Array:
     """L^-1 F_i Y as rows (m, p q): products of two are tr(G F_i M^-1 F_j)."""
     p, q = slope.half.shape
     columns = np.moveaxis(matrices @ slope.half, 0, 1).reshape(p, -1)
@@ -303,3 +238,8 @@ def _across(slope: Slope, matrices: Array) -> Array:
 def padded(k: Array, nuisance: int) -> Array:
     """K with rows of zeros for the nuisance parameters."""
     return np.concatenate([k, np.zeros((nuisance, k.shape[1]))])
+
+
+def solved(factor: Array, k: Array) -> Array:
+    """L^-1 K."""
+    return np.asarray(np.linalg.solve(factor, k), dtype=np.float64)

@@ -9,6 +9,10 @@ import numpy as np
 from ...basics.values import Array
 from .criteria import SINGULAR, Criterion, Slope, half_solved, padded
 from .estimable import Estimable
+from .rank_updates import eigenvalues, largest_at_least, smallest_at_most
+
+SOFTNESS = 0.02
+"""Relative distance of eigenvalues over which their minimum is smoothed, so that ascents have a derivative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +92,10 @@ class Scaled:
 class OfEigenvalues(Criterion):
     """A criterion of the eigenvalues of A."""
 
+    relative = False  # to the largest one
+
     def __init__(self, scaled: Scaled) -> None:
-        self.scaled, self.k = scaled, scaled.k
+        self.scaled, self.k, self.bounded = scaled, scaled.k, not scaled.marginal
 
     def within(self, estimable: Estimable) -> Criterion:
         return type(self)(self.scaled.within(estimable))
@@ -99,6 +105,54 @@ class OfEigenvalues(Criterion):
 
     def beside_nuisance(self, nuisance: int) -> Criterion:
         return type(self)(self.scaled.beside_nuisance(nuisance)) if nuisance else self
+
+    def in_coordinates(self, factor: Array) -> Criterion:
+        return type(self)(self.scaled.in_coordinates(factor))
+
+    def added(self, fisher: Array, columns: Array) -> Array:
+        if self.scaled.marginal:
+            return self.added_exactly(fisher, columns)
+        seen = self._seen(fisher, columns)
+        smallest = np.maximum(smallest_at_most(*seen), 0.0)
+        return smallest / largest_at_least(*seen) if self.relative else smallest
+
+    def added_exactly(self, fisher: Array, columns: Array) -> Array:
+        if self.scaled.marginal:  # L^-1 K has the inverse roots of the eigenvalues as singular values
+            w = columns.transpose(2, 0, 1)
+            factor = np.linalg.cholesky(fisher + w @ w.swapaxes(1, 2))
+            values = 1 / np.square(np.linalg.svd(np.linalg.solve(factor, self.k), compute_uv=False))
+        else:
+            values = eigenvalues(*self._seen(fisher, columns))
+        smallest = np.maximum(values[:, 0], 0.0)
+        return smallest / values[:, -1] if self.relative else smallest
+
+    def _seen(self, fisher: Array, columns: Array) -> tuple[Array, Array]:
+        return self.k.T @ fisher @ self.k, np.einsum("pq,pnk->qnk", self.k, columns)
+
+    def objective_slope(self, fisher: Array, rows: Array) -> tuple[float, Array]:
+        """The objective and its derivative, smoothed.
+
+        The smallest eigenvalue becomes (sum_j lambda_j^-q)^(-1/q), which is concave as well, with q = 1 / softness; the largest
+        one likewise.
+        """
+        values, vectors = np.linalg.eigh(self.scaled.of(fisher))
+        if not values[0] > 0:
+            raise np.linalg.LinAlgError("not positive definite")
+        logs = np.log(values)
+        value, by_value = _soft(logs, values, -1.0)
+        if self.relative:
+            largest, by_largest = _soft(logs, values, 1.0)
+            value, by_value = value - largest, by_value - by_largest
+        directions = self.scaled.tangent(fisher) @ vectors
+        return value, np.asarray((rows @ directions * by_value) @ directions.T)
+
+
+def _soft(logs: Array, values: Array, side: float) -> tuple[float, Array]:
+    """A smooth form of the smallest (-1) or largest (1) of logarithms, and its derivatives by the values themselves."""
+    far = side * logs / SOFTNESS
+    shares = np.exp(far - far.max())
+    value = side * SOFTNESS * float(far.max() + np.log(shares.sum()))
+    return value, shares / shares.sum() / values
 
 
 class SmallestEigenvalue(OfEigenvalues):
@@ -170,6 +224,7 @@ class ConditionNumber(OfEigenvalues):
 
     name = "ME"
     degree = 0
+    relative = True
 
     def value(self, information: Array) -> float:
         return self.of_log_phi(self.log_phi(information))

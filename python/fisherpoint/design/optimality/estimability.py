@@ -10,10 +10,11 @@ from ...basics.values import Array
 from ...information.combinations import combinations
 from ...information.null_space import information_without_rounding, null_directions, without_rounding
 from ...information.problem import DesignProblem
-from .aims import Aim, aim_of, restricted
 from .candidate_rows import CandidateRows
+from .criteria import Criterion
 from .estimable import Estimable, estimable
-from .goal import criterion
+from .goal import Goal
+from .goal_criterion import criterion_of
 
 NOT_TOLD = 1e-6
 """Share of what a criterion is about that may lie outside of the estimable space, as rounding."""
@@ -25,16 +26,16 @@ POINTS, RUNS = ("n_experiments", "points"), ("n_runs", "runs")
 """What errors call the count, and what is counted."""
 
 
-def restricted_aims(
+def restricted_criteria(
     problem: DesignProblem,
-    aims: Sequence[Aim],
+    criteria: Sequence[Criterion],
     rows: Array,
     known: Array,
     count: int,
     singular: str,
     named: tuple[str, str] = POINTS,
     spaces: Sequence[Estimable] | None = None,
-) -> tuple[tuple[Aim, ...], tuple[Estimable, ...]]:
+) -> tuple[tuple[Criterion, ...], tuple[Estimable, ...]]:
     """The objective for `count` points, or runs, and the space that the candidates determine together, in each scenario.
 
     Criteria of all parameters are restricted to what the candidates determine. Where so few points cannot determine all of that,
@@ -44,7 +45,7 @@ def restricted_aims(
     Parameters
     ----------
     problem : DesignProblem
-    aims : sequence of Aim
+    criteria : sequence of Criterion
     rows : ndarray, (S, K, n, p)
         Whitened rows of the candidates in each scenario.
     known : ndarray, (S, p, p)
@@ -63,34 +64,34 @@ def restricted_aims(
         not determine all parameters, or so few points cannot.
     """
     size, kind = named
-    result: list[Aim] = []
+    result: list[Criterion] = []
     if problem.output_covariance != "noise":  # only in units of the noise does the size say what is rounding
         unit = float(np.sqrt(np.square(rows).mean())) or 1.0
         rows, known = rows / unit, known / unit**2
     if spaces is None:
         spaces = [estimable(CandidateRows(own, there / count).triangle()) for own, there in zip(rows, known, strict=True)]
-    for aim, own, there, space in zip(aims, rows, known, spaces, strict=True):
-        name = aim.criterion.name
-        if not determined(problem, space) or aim.criterion.outside(space) > NOT_TOLD:
+    for criterion, own, there, space in zip(criteria, rows, known, spaces, strict=True):
+        name = criterion.name
+        if not determined(problem, space) or criterion.outside(space) > NOT_TOLD:
             raise ValueError(
                 f"region: expected {kind} that determine criterion {name!r}, given none with information on "
                 f"{combinations(not_told(problem, space))}"
             )
-        if aim.criterion.restricted(space.span) is aim.criterion:
-            result.append(aim)
+        if criterion.restricted(space.span) is criterion:
+            result.append(criterion)
             continue
         most = space.rank if count >= space.rank else _most(own, there, count, space.rank)
         too_few = most < space.rank
         if singular == "error":
             refuse_open(problem, space, count if too_few else None, named)
-        if too_few and not aim.of_all:
+        if too_few and not criterion.of_all:
             if named == RUNS:
                 raise ValueError(
                     f"{size}: expected enough {kind} to determine {determined(problem, space)} parameters, all of which criterion "
                     f"{name!r} needs, given {count}, which determine {most - problem.n_nuisance} at most"
                 )
-            aim = aim_of(criterion(problem, "D").beside_nuisance(problem.n_nuisance))
-        result.append(restricted(aim, space))
+            criterion = criterion_of(problem, Goal())
+        result.append(criterion.restricted_to(space))
     return tuple(result), tuple(spaces)
 
 

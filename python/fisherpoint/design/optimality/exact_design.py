@@ -17,13 +17,13 @@ from ...basics.values import Array
 from ...information.codec import problem_from_json, problem_to_json
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
-from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
 from ...show.section import Report, Section
 from ...show.shown import Shown
 from .criteria import Criterion
 from .exact_report import ENDS, exact_report
-from .goal import CRITERIA, criterion
+from .goal import GOAL_CODEC, GOAL_INSIDE, Goal
+from .goal_criterion import criterion_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,14 +36,7 @@ class ExactDesign(Shown, Kept):
     Attributes
     ----------
     problem : DesignProblem
-    criterion_name : {"D", "A", "E", "c", "Ds", "I"}
-    of : str, tuple of str or None
-        The function, parameters or output that the criterion is about.
-    conditions : Experiments or None
-        Where the output is predicted.
-    scale : mapping of parameter name to float, or None
-    prior_information : bool
-        Whether the prior's information was added.
+    goal : Goal
     points : Experiments
         As many as measurements; those that are repeated stand side by side.
     chosen : ndarray of int, (m,)
@@ -75,11 +68,7 @@ class ExactDesign(Shown, Kept):
     """
 
     problem: DesignProblem
-    criterion_name: str
-    of: str | tuple[str, ...] | None
-    conditions: Experiments | None
-    scale: Mapping[str, float] | None
-    prior_information: bool
+    goal: Goal
     points: Experiments
     chosen: NDArray[np.intp]
     counts: NDArray[np.int64]
@@ -104,22 +93,14 @@ class ExactDesign(Shown, Kept):
         "information": ("problem.unknowns", "problem.unknowns"),
         "null_directions": ("*", "some problem.estimated"),
     }
-    _CHOICES: ClassVar[Choices] = {
-        "criterion_name": CRITERIA,
-        "stop_reason": tuple(ENDS),
-    }
-
-    _CODEC: ClassVar[Codec] = {
-        DesignProblem: (problem_to_json, problem_from_json),
-        Experiments: (points_to_json, points_from_json),
-    }
+    _CHOICES: ClassVar[Choices] = {"stop_reason": tuple(ENDS)}
+    _INSIDE = GOAL_INSIDE
+    _CODEC: ClassVar[Codec] = {DesignProblem: (problem_to_json, problem_from_json), **GOAL_CODEC}
 
     @cached_property
     def criterion(self) -> Criterion:
         """The criterion, as a function of information matrices."""
-        options = {"of": self.of, "conditions": self.conditions, "scale": self.scale}
-        found = criterion(self.problem, self.criterion_name, **options)  # type: ignore[arg-type]
-        return found.beside_nuisance(self.problem.n_nuisance)
+        return criterion_of(self.problem, self.goal)
 
     def _check_content(self) -> None:
         _ = self.criterion

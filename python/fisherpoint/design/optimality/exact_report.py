@@ -15,7 +15,7 @@ from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number
 from ...show.section import Report, Section
 from .approximate_report import floored
-from .goal import WORDS
+from .goal import WORDS, Goal
 
 ENDS = {
     "proven": "the gap is closed",
@@ -33,11 +33,7 @@ class Reported(Protocol):
     @property
     def problem(self) -> DesignProblem: ...
     @property
-    def criterion_name(self) -> str: ...
-    @property
-    def of(self) -> str | tuple[str, ...] | None: ...
-    @property
-    def prior_information(self) -> bool: ...
+    def goal(self) -> Goal: ...
     @property
     def points(self) -> Experiments: ...
     @property
@@ -75,9 +71,9 @@ def exact_report(design: Reported) -> Report:
     among = counted(design.n_candidates, "candidate")
     what = f"{counted(len(design.points), 'measurement')} at {counted(len(design.counts), 'point')}"
     if design.proven:
-        headline = f"{what}: proven {design.criterion_name}-optimal among {among}, to {number(design.gap, 2)}"
+        headline = f"{what}: proven {design.goal.criterion}-optimal among {among}, to {number(design.gap, 2)}"
     else:
-        headline = f"{what}: {design.criterion_name}-efficiency at least {floored(design.efficiency)} among {among}"
+        headline = f"{what}: {design.goal.criterion}-efficiency at least {floored(design.efficiency)} among {among}"
     return Report(headline, [_points(design), _proof(design)], list(_warnings(design)))
 
 
@@ -90,10 +86,11 @@ def _points(design: Reported) -> Section:
 
 
 def _proof(design: Reported) -> Section:
-    about = "" if design.of is None else f" of {design.of if isinstance(design.of, str) else ', '.join(design.of)}"
+    goal = design.goal
+    about = "" if goal.of is None else f" of {goal.of if isinstance(goal.of, str) else ', '.join(goal.of)}"
     facts = [
-        ("criterion", f"{design.criterion_name}{about}"),
-        (f"{WORDS[design.criterion_name]} of all measurements", computed(design.value, 7)),
+        ("criterion", f"{goal.criterion}{about}"),
+        (f"{WORDS[design.goal.criterion]} of all measurements", computed(design.value, 7)),
         (f"efficiency against any {counted(len(design.points), 'measurement')}", f"at least {floored(design.efficiency)}"),
         ("against weights that need not be whole", f"at least {floored(design.of_weights)}"),
         ("among", counted(design.n_candidates, "candidate")),
@@ -101,7 +98,7 @@ def _proof(design: Reported) -> Section:
         ("nodes of branch and bound", str(design.nodes)),
         ("ended by", ENDS[design.stop_reason]),
     ]
-    if design.prior_information:
+    if goal.prior_information:
         facts.append(("with", "the prior's information"))
     facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
     facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]

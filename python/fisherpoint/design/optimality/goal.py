@@ -1,23 +1,23 @@
-"""The goal of a design: a criterion by its name, with what it needs, for the parameters of a problem."""
+"""The goal of a design: the criterion with what it needs, over which parameters, beside what, and what to do where it is singular.
+
+Each search takes a `Goal`, or the name of a criterion. What a new part of the goal needs stands here: its field with default, words
+and key in the TOML file, its check, and which searches cannot have it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import Any, ClassVar
 
-import numpy as np
-
-from ...basics.checks import as_std, by_name, check_choice, check_type, some_names_among
-from ...basics.quantity import names_of
-from ...basics.values import Array
-from ...information.evaluation import Evaluation
-from ...information.point_information import point_information
-from ...information.problem import DesignProblem
+from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choice, check_flag, check_name, check_type
+from ...basics.kept import Codec
+from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
-from ...points.settings import resolve_threads
-from .criteria import Criterion, Determinant, Variance
-from .eigenvalue_criteria import ConditionNumber, Scaled, SmallestEigenvalue
-from .functions import gradient_of
+from ...prior.codec import rule_from_json, rule_to_json
+from ...prior.rules import Rule, Sobol
+from ..option import Key, option
+from ..over_prior import KINDS, OverPrior
 
 WORDS = {
     "D": "log det F",
@@ -30,24 +30,48 @@ WORDS = {
 }
 CRITERIA = tuple(WORDS)
 OF_ALL = ("D", "A", "E", "ME")
-"""Criteria of all parameters; the others ask for certain functions of them."""
+"""Criteria of all parameters; the others are of certain functions of them."""
+
+SCALED = ("A", "E", "ME")
+"""Criteria that depend on how the parameters are scaled."""
+
+MINIMISED = ("A", "c", "I", "ME")
+"""Criteria that are better the smaller they are."""
+
+SINGULAR = ("estimable", "error")
+"""What is done where not all parameters can be determined: a design for those that can, or an error."""
+
+NEEDED = {"c": "a function of the parameters as text", "Ds": "names of parameters", "I": "the name of an output"}
+"""What `of` is, by the criteria that need it."""
+
+NO_BOUND = "no bound holds for the condition number, which has no concave form"
+NO_PLANTS = "only fisherpoint.exchange and fisherpoint.design_runs look at the plants of the prior"
+
+UNABLE: Mapping[str, Mapping[str, str]] = {
+    "sweep": {"confidence": NO_PLANTS},
+    "approximate": {
+        "criterion 'ME'": NO_BOUND,
+        "criterion 'E' with over": "the smallest eigenvalue has kinks of its own",
+        "confidence": NO_PLANTS,
+    },
+    "exact": {"criterion 'ME'": NO_BOUND, "over": "its bounds are of the prior mean", "confidence": NO_PLANTS},
+    "best_pieces": {
+        **{f"criterion {name!r}": "windows are picked by log det F" for name in CRITERIA[1:]},
+        "over": "windows are picked at the prior mean",
+        "prior_information": "windows are picked by what they say themselves",
+        "confidence": "windows were measured, and can be run",
+    },
+}
+"""What searches cannot have in a goal, and why; what the others cannot have depends on the problem."""
 
 
-def criterion(
-    problem: DesignProblem,
-    name: str = "D",
-    *,
-    of: str | Sequence[str] | None = None,
-    conditions: Experiments | None = None,
-    scale: Mapping[str, float] | None = None,
-    threads: int | None = None,
-) -> Criterion:
-    """A criterion of optimality as a function of Fisher information, with its derivative and efficiency.
+@dataclass(frozen=True)
+class Goal:
+    """What a design is to be good for.
 
     Parameters
     ----------
-    problem : DesignProblem
-    name : {"D", "A", "E", "ME", "c", "Ds", "I"}
+    criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
         log det F; the trace of F^-1; the smallest eigenvalue of F; the ratio of the largest to the smallest; the variance of a
         function of the parameters; log det of the information about some parameters, with the others unknown too; the mean
         variance of a predicted output.
@@ -57,111 +81,238 @@ def criterion(
         For "I", where the output is predicted.
     scale : mapping of parameter name to float, optional
         For "A", "E" and "ME", what errors of the parameters are compared with, SI units. Default: the prior std.
-    threads : int, optional
-
-    Returns
-    -------
-    Criterion
-        Its `value`, `gradient` and `efficiency` take matrices (p, p) for parameters divided by their prior std, in sum form, as
-        `Evaluation.information` is.
+    over : OverPrior, optional
+        An average of the criterion over parameters of the prior instead of its value at the prior mean. Points and runs must be
+        valid in every scenario; the time is that of one scenario times their number, and less for more than four.
+    prior_information : bool
+        Whether the inverse of the prior's covariance counts beside the data. The criterion, the bounds and the standard errors are
+        then those of an estimate in which the prior takes part, and fewer points than parameters are enough. A prior that is the
+        posterior of previous data counts these once more: give one of the two.
+    singular : {"estimable", "error"}
+        Where the points, or any points of the region, do not determine all parameters: "estimable" designs for what can be
+        determined, by "D", "A", "E" and "ME" of that, and the report names the rest (docs/how_to/singular.md); "error" raises.
+    confidence : float, optional
+        The share of the plants of the prior that must be able to run the whole design, such as 0.99. Default: 0.99 for runs; for
+        points none, where one plant in ten may not be able to run one. 0 requires it of none but the prior mean.
 
     Raises
     ------
     TypeError, ValueError
-        For another name, and what is missing, or not used by the criterion.
+        For another criterion, and what it needs and is not given, or is given and not used.
     """
-    check_type(problem, DesignProblem, "problem")
-    name, threads = check_choice(name, CRITERIA, "criterion"), resolve_threads(threads)
-    _check_used(name, of, conditions, scale)
-    p = len(problem.estimated)
-    if name == "D":
-        return Determinant("D", np.eye(p), True)
-    if name == "Ds":
-        chosen = some_names_among((of,) if isinstance(of, str) else of or (), problem.estimated, "of")
-        return Determinant("Ds", np.eye(p)[:, [problem.estimated.index(one) for one in chosen]], len(chosen) == p)
-    if name == "c":
-        return Variance("c", _function(problem, of))
-    if name == "I":
-        return Variance("I", _predictions(problem, of, conditions, threads))
-    given = by_name(scale, problem.estimated, "scale", as_std, complete=True) if scale is not None else {}
-    sizes = problem.std / np.array([given[one] for one in problem.estimated]) if given else np.ones(p)
-    if name == "A":
-        return Variance("A", np.diag(sizes), True)
-    scaled = Scaled(np.diag(1 / sizes))
-    return SmallestEigenvalue(scaled) if name == "E" else ConditionNumber(scaled)
 
-
-class CriterionSettings(Protocol):
-    """The settings of a search that define its criterion."""
-
-    @property
-    def criterion(self) -> str: ...
-    @property
-    def of(self) -> str | Sequence[str] | None: ...
-    @property
-    def conditions(self) -> Experiments | None: ...
-    @property
-    def scale(self) -> Mapping[str, float] | None: ...
-
-
-def criterion_of(problem: DesignProblem, settings: CriterionSettings, threads: int | None = None) -> Criterion:
-    """The criterion of a search as a function of information about all unknowns: the parameters and the nuisance ones."""
-    found = criterion(
-        problem, settings.criterion, of=settings.of, conditions=settings.conditions, scale=settings.scale, threads=threads
+    criterion: str = option(
+        "D",
+        "criterion",
+        Key(str, "[What the design is to be good for](../how_to/criteria.md): log det F, or another criterion.", choices=CRITERIA),
     )
-    return found.beside_nuisance(problem.n_nuisance)
+    _: KW_ONLY
+    of: str | tuple[str, ...] | None = option(
+        None,
+        "criterion of",
+        Key(
+            str | list[str],
+            'For `"c"` a function of the parameters; for `"Ds"` names of parameters; for `"I"` the name of an output.',
+        ),
+    )
+    conditions: Experiments | None = option(
+        None,
+        "points at which the criterion predicts",
+        Key(str, 'For `"I"`, a CSV file beside this one with the points at which the output is predicted.'),
+    )
+    scale: Mapping[str, float] | None = option(
+        None,
+        "scale of the parameters",
+        Key(
+            dict[str, float],
+            'For `"A"`, `"E"` and `"ME"`, what errors of the parameters are compared with, by name.',
+            above=0,
+        ),
+    )
+    over: OverPrior | None = option(
+        None,
+        "criterion over the prior",
+        Key(
+            str,
+            "What is maximised [over the prior](../how_to/over_prior.md), not at its mean alone: the mean of the criterion over"
+            " scenarios, the smallest, or the mean of the worst `share` of them.",
+            choices=KINDS,
+        ),
+        scenarios=Key(int, "Number of these scenarios, a power of two; nodes of a Sobol rule.", least=1, default="`8`"),
+        share=Key(float, 'Share of the scenarios of `"cvar"`.', above=0, most=1, default="`0.25`"),
+    )
+    prior_information: bool = option(
+        False,
+        "the prior's information counts",
+        Key(
+            bool,
+            "Whether the [prior's information](../how_to/criteria.md#what-the-prior-knows) counts beside that of the measurements.",
+        ),
+    )
+    singular: str = option(
+        "estimable",
+        "where parameters are left open",
+        Key(
+            str,
+            "Where points leave some parameters open: a design for [what can be estimated](../how_to/singular.md), or an error.",
+            choices=SINGULAR,
+        ),
+    )
+    confidence: float | None = option(
+        None,
+        "share of the plants that must be able to run the design",
+        Key(
+            float,
+            "Share of the plants that the prior allows which must be able to run"
+            " [the whole design](../how_to/limits.md#points-that-most-plants-can-run); 0 for the prior mean alone.",
+            least=0,
+            below=1,
+            default="none; of runs `0.99`",
+        ),
+    )
+
+    _COMPLETE: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        check_choice(self.criterion, CRITERIA, "criterion")
+        if self.of is not None and not isinstance(self.of, str):
+            set_field(self, "of", tuple(check_name(one, "of") for one in as_sequence(self.of, "of", "names")))
+        if self.conditions is not None:
+            check_type(self.conditions, Experiments, "conditions")
+        if self.scale is not None:
+            set_field(self, "scale", by_name(self.scale, None, "scale", as_std))
+        if self.over is not None and not isinstance(self.over, OverPrior):
+            raise TypeError(f"over: expected an OverPrior or None, given {type(self.over).__name__}")
+        set_field(self, "prior_information", check_flag(self.prior_information, "prior_information"))
+        check_choice(self.singular, SINGULAR, "singular")
+        if self.confidence is not None:
+            set_field(self, "confidence", as_float(self.confidence, "confidence"))
+            if not 0 <= self.confidence < 1:
+                raise ValueError(f"confidence: expected a share of at least 0 and below 1, given {self.confidence:g}")
+        self._check_used()
+
+    def _check_used(self) -> None:
+        """Raise where the criterion lacks what it needs, or is given what it does not use."""
+        name = self.criterion
+        if name in NEEDED and self.of is None:
+            raise ValueError(f"of: expected {NEEDED[name]} for criterion {name!r}, given none")
+        if name == "I" and self.conditions is None:
+            raise ValueError("conditions: expected the points at which criterion 'I' predicts, given none")
+        for label, users in (("of", NEEDED), ("conditions", ("I",)), ("scale", SCALED)):
+            if getattr(self, label) is not None and name not in users:
+                raise ValueError(f"{label}: expected none for criterion {name!r}, given one")
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], points: Callable[[str], Experiments]) -> Goal:
+        """Return the goal that a table of the TOML file states.
+
+        Parameters
+        ----------
+        table : mapping of key to value
+            What the fields of this class allow.
+        points : callable
+            Reads the file that `conditions` names.
+        """
+        given = dict(table)
+        scenarios, share, kind = given.pop("scenarios", None), given.pop("share", None), given.pop("over", None)
+        if scenarios is not None and kind is None:
+            raise ValueError(f"scenarios: expected only with over, given {scenarios}")
+        if share is not None and kind != "cvar":
+            raise ValueError(f'share: expected only with over = "cvar", given {share:g}')
+        if kind is not None:
+            options: dict[str, Any] = {} if share is None else {"share": share}
+            if scenarios is not None:
+                try:
+                    options["scenarios"] = Sobol(scenarios)
+                except ValueError as error:
+                    raise ValueError(str(error).replace("n:", "scenarios:", 1)) from error
+            given["over"] = OverPrior(kind, **options)
+        if "conditions" in given:
+            given["conditions"] = points(given["conditions"])
+        return cls(**given)
+
+    @property
+    def of_all(self) -> bool:
+        """Whether the criterion is of all parameters."""
+        return self.criterion in OF_ALL
+
+    @property
+    def requires_all(self) -> bool:
+        """Whether it is an error to leave parameters open."""
+        return self.singular == "error" and self.of_all
+
+    @property
+    def share_of_plants(self) -> float | None:
+        """The share of the plants that must be able to run the design; None where the prior mean is enough."""
+        return self.confidence or None
+
+    # --- Words -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def named(self) -> str:
+        """The criterion as part of a sentence."""
+        words = WORDS[self.criterion]
+        if self.of is None:
+            return words
+        what = self.of if isinstance(self.of, str) else ", ".join(self.of)
+        named = {"c": f"variance of {what}", "Ds": f"log det of the information about {what}"}
+        return named.get(self.criterion, f"{words} of {what}")
+
+    @property
+    def objective(self) -> str:
+        """What is maximised at one place of the parameters, as part of a sentence."""
+        if self.criterion in ("D", "Ds"):
+            return self.named
+        return f"{'-' if self.criterion in MINIMISED else ''}log({self.named})"
+
+    @property
+    def maximised(self) -> str:
+        """What is maximised, as part of a sentence."""
+        return self.objective if self.over is None else self.over.described_with(self.objective)
+
+    @property
+    def headline(self) -> str:
+        """The end of a headline; nothing for log det F, which is the usual one."""
+        return "" if self.criterion == "D" else f"; chosen by criterion {self.criterion}, {self.named}"
 
 
-def criterion_of_design(problem: DesignProblem, settings: CriterionSettings, evaluation: Evaluation) -> Criterion:
-    """The criterion of a search as a function of F (p, p); where a design's F is singular, "A", "E" and "ME" are of the rest."""
-    found = criterion(problem, settings.criterion, of=settings.of, conditions=settings.conditions, scale=settings.scale)
-    nulls = evaluation.null_directions
-    if not nulls:
-        return found
-    columns = np.array([[null.get(name, 0.0) for name in evaluation.parameters] for null in nulls]).T
-    return found.restricted(np.linalg.qr(columns, mode="complete")[0][:, len(nulls) :])
+GOAL_CODEC: Codec = {
+    Experiments: (points_to_json, points_from_json),
+    Rule: (rule_to_json, rule_from_json),
+}
+GOAL_INSIDE = (Goal, OverPrior)
+"""How the parts of a goal are written in files, and which classes are inside."""
 
 
-def named(name: str, of: str | Sequence[str] | None) -> str:
-    """A criterion as part of a sentence."""
-    if of is None:
-        return WORDS[name]
-    what = of if isinstance(of, str) else ", ".join(of)
-    return {"c": f"variance of {what}", "Ds": f"log det of the information about {what}"}.get(name, f"{WORDS[name]} of {what}")
+def goal_of(given: str | Goal, search: str = "") -> Goal:
+    """Return the goal that a search is given: a text is the name of a criterion.
+
+    Raises
+    ------
+    TypeError
+        For something else.
+    ValueError
+        For a goal that this search cannot have; the message says what it cannot, and why.
+    """
+    if isinstance(given, str):
+        given = Goal(given)
+    if not isinstance(given, Goal):
+        raise TypeError(f"goal: expected the name of a criterion or a Goal, given {type(given).__name__}")
+    for name, why in UNABLE.get(search, {}).items():
+        if _has(given, name):
+            raise ValueError(f"goal: expected one without {name} for fisherpoint.{search}, given one with it: {why}")
+    return given
 
 
-def _check_used(name: str, of: object, conditions: object, scale: object) -> None:
-    needs = {"c": "a function of the parameters as text", "Ds": "names of parameters", "I": "the name of an output"}
-    if name in needs and of is None:
-        raise ValueError(f"of: expected {needs[name]} for criterion {name!r}, given none")
-    if name == "I" and conditions is None:
-        raise ValueError("conditions: expected the points at which criterion 'I' predicts, given none")
-    unused = (("of", of, needs), ("conditions", conditions, ("I",)), ("scale", scale, ("A", "E", "ME")))
-    for label, given, users in unused:
-        if given is not None and name not in users:
-            raise ValueError(f"{label}: expected none for criterion {name!r}, given one")
+def _has(goal: Goal, name: str) -> bool:
+    """Whether a goal has what `UNABLE` names."""
+    criterion, _, with_over = name.partition(" with ")
+    if criterion.startswith("criterion "):
+        return criterion == f"criterion {goal.criterion!r}" and (not with_over or goal.over is not None)
+    return bool(getattr(goal, name))
 
 
-def _function(problem: DesignProblem, of: object) -> Array:
-    names = names_of(problem.model.parameters)
-    _, gradient = gradient_of(of, dict(zip(names, problem.theta, strict=True)), "of")  # type: ignore[arg-type]  # it checks
-    k = gradient[problem.estimated_columns] * problem.std
-    if not k.any():
-        raise ValueError(f"of: expected a function that changes with an estimated parameter, given {of!r}")
-    return k[:, None]
-
-
-def _predictions(problem: DesignProblem, of: object, conditions: object, threads: int | None) -> Array:
-    """Gradients of the predictions as columns, so that tr(K^T M^-1 K) is their mean variance; at most p columns."""
-    p = len(problem.estimated)
-    output = names_of(problem.model.outputs).index(check_choice(of, names_of(problem.model.outputs), "of"))
-    check_type(conditions, Experiments, "conditions")
-    assert isinstance(conditions, Experiments)
-    if not len(conditions):
-        raise ValueError("conditions: expected at least one point, given none")
-    rows = point_information(problem, conditions, False, threads).sensitivity[:, output, :p]
-    if not rows.any():
-        raise ValueError(f"of: expected an output that depends on a parameter under the conditions, given {of!r}")
-    values, directions = np.linalg.svd(rows / np.sqrt(len(rows)), full_matrices=False)[1:]
-    kept = values > 1e-12 * values[0]
-    return np.asarray(directions[kept].T * values[kept])
+def with_default_confidence(goal: Goal, confidence: float) -> Goal:
+    """Return the goal with this confidence where it has none."""
+    return goal if goal.confidence is not None else replace(goal, confidence=confidence)

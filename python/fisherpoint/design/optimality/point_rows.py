@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.candidates import surviving
-from ...information.output_covariance import cholesky_factor, criterion, whitened
+from ...information.output_covariance import cholesky_factor, output_covariance, whitened
 from ...information.point_information import MOST_POINTS, PointInformation, with_covariance
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
@@ -66,7 +66,7 @@ class PointRows:
 
     def whitened(self, information: PointInformation) -> Array:
         """dy/dtheta times the prior std, in units of the noise (K, n, p), or (K, S, n, p)."""
-        d = criterion(self.problem, information, self._threads)
+        d = output_covariance(self.problem, information, self._threads)
         factor = cholesky_factor(d.given, d.names, d.kind)
         if not self._elsewhere:
             return whitened(factor, d.prepare(information).sensitivity)

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from .criteria import Criterion, Determinant, Variance
+from .criteria import Criterion
+from .determinant import Determinant
 from .eigenvalue_criteria import SmallestEigenvalue
+from .variance import Variance
 
 Permutations = NDArray[np.intp]
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from .candidate_rows import CandidateRows, Places
-from .criteria import Criterion, Determinant, Slope
+from .criteria import Criterion, Slope
+from .determinant import Determinant
 from .estimable import Estimable, estimable
 from .inner import mean_of
 from .interior import best_weights

@@ -7,17 +7,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...basics.checks import check_choice, check_positive_int, check_type
+from ...basics.checks import check_positive_int, check_type
 from ...basics.values import Array, FrozenMapping
 from ...data.pieces import Pieces
 from ...information.combinations import combinations
 from ...information.evaluation import RANK_TOLERANCE, evaluate_information
 from ...information.null_space import column_scaled_svd, null_directions, without_rounding
-from ...information.output_covariance import criterion
+from ...information.output_covariance import output_covariance
 from ...information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
 from ...information.problem import DesignProblem
 from ...show.progress import check_progress, following
-from ..settings import SINGULAR
+from ..optimality.goal import Goal, goal_of
 from .disjoint import Windows
 from .packed import Packed
 from .piece_design import PieceDesign
@@ -32,9 +32,9 @@ def best_pieces(
     pieces: Pieces,
     n_pieces: int,
     *,
+    goal: str | Goal = "D",
     seed: int = 0,
     threads: int | None = None,
-    singular: str = "estimable",
     progress: bool | Callable[[PieceProgress], None] | None = None,
 ) -> PieceDesign:
     """Find the windows of a record that share no sample and have the largest det F together.
@@ -52,13 +52,13 @@ def best_pieces(
     pieces : Pieces
     n_pieces : int
         How many windows are picked.
+    goal : str or Goal
+        Criterion "D" at the prior mean, and by its `singular` what to do where so few windows leave parameters open: pick those
+        with the most information on the others, and name in the report what is open; or raise.
     seed : int
         For the random choices that the windows are compared with. What is picked does not depend on it.
     threads : int, optional
         Default: every core.
-    singular : {"estimable", "error"}
-        Where so few windows leave parameters open: those with the most information on the others, and a report that names what is
-        open; or an error.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `PieceProgress` when all
         windows are weighed, and after each exchange.
@@ -78,7 +78,7 @@ def best_pieces(
     check_type(problem, DesignProblem, "problem")
     check_type(pieces, Pieces, "pieces")
     check_progress(progress)
-    check_choice(singular, SINGULAR, "singular")
+    goal = goal_of(goal, "best_pieces")
     count, seed = check_positive_int(n_pieces, "n_pieces"), check_positive_int(seed, "seed", 0)
     problem = piece_problem(problem, pieces)
     _refuse_more(count, Windows(pieces.first, pieces.length))
@@ -97,7 +97,7 @@ def best_pieces(
         search = PieceSearch(information.packed, packing, windows, count, known[0])
         stop_reason = search.run(heard, started)
         design = _found(problem, pieces, information, search, stop_reason, seed, threads, started)
-    if singular == "error" and design.evaluation.null_directions and stop_reason != "interrupted":
+    if goal.requires_all and design.evaluation.null_directions and stop_reason != "interrupted":
         open_text = combinations(design.evaluation.null_directions)
         raise ValueError(
             f"n_pieces: expected enough windows to determine all parameters, as singular = 'error' asks, given {count}, which "
@@ -137,7 +137,7 @@ def _found(
     rows = information.rows[search.chosen]
     runs, y = pieces.cut(rows)
     picked = picked_information(problem, pieces, rows, threads)
-    evaluation = evaluate_information(problem, picked, criterion(problem, picked, threads), threads)
+    evaluation = evaluate_information(problem, picked, output_covariance(problem, picked, threads), threads)
     p = len(problem.estimated)
     offset = 2 * float(np.log(np.abs(np.diag(information.factor)))[problem.n_nuisance :].sum())
     singular = evaluation.covariance is None

@@ -46,15 +46,16 @@ class Away:
     ----------
     problem : DesignProblem
     settings : ExchangeSettings
-        With the required share of the plants, `confidence`.
+        With the required share of the plants, the goal's `confidence`.
     validity : Validity
         Which plants can run which points.
     """
 
     def __init__(self, problem: DesignProblem, settings: ExchangeSettings, validity: Validity) -> None:
-        assert settings.confidence is not None
+        share = settings.goal.share_of_plants
+        assert share is not None
         self._problem, self._seed, self._validity = problem, settings.seed, validity
-        self._may = 1.0 - settings.confidence
+        self._may = 1.0 - share
         self._most = OF_LOST * self._may
         self.wider = QUANTILE(1.0 - self._most / settings.n_experiments**0.5) / QUANTILE(1.0 - 1.0 / PLANTS)
         self._low, self._high, self._changes = 0.0, np.inf, 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from ...information.output_covariance import criterion, needs_covariances
+from ...information.output_covariance import needs_covariances, output_covariance
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ...information.validity import Validity
 from ...points.experiments import Experiments
 from ..efficiency import Bound
-from ..optimality.aims import Aim, LogDet, LogDetWithin, aim_of
 from ..optimality.candidate_rows import CandidateRows, Places
-from ..optimality.criteria import Determinant
+from ..optimality.criteria import Criterion
 from ..optimality.eigenvalue_criteria import ConditionNumber
 from ..optimality.estimability import NOT_TOLD, determined
 from ..optimality.estimable import estimable
-from ..optimality.goal import criterion as criterion_named
+from ..optimality.goal import Goal
+from ..optimality.goal_criterion import criterion_of
 from ..optimality.weights import Weights, optimal_weights
 from ..over_prior import Scenarios
 from .over_bound import over_bound
@@ -33,8 +33,7 @@ MOST_NUMBERS = 20_000_000
 """Most sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not kept."""
 
 TOLERANCE = 5e-4
-"""Share of its level by which the sensitivity function may exceed it over the candidates."""
-
+"""Share of its level by which the sensitivity function may exceed it over the candidates, at the prior mean."""
 
 LOOKS = 60
 """Maximum number of batches checked on all nodes."""
@@ -70,17 +69,16 @@ class _Best(NamedTuple):
 
 
 class CandidateArchive:
-    """Candidates that were valid at the prior mean; `aims` is what is maximised in each scenario, log det F where none are given.
+    """Candidates that were valid at the prior mean; `criteria` are maximised in the scenarios, log det F where none are given.
 
     `of_prior` (p, p) is information that counts beside whatever design, as the previous points do, but is no measurement.
     """
 
     def __init__(
-        self, problem: DesignProblem, threads: int, aims: Sequence[Aim] | None = None, of_prior: Array | float = 0.0
+        self, problem: DesignProblem, threads: int, criteria: Sequence[Criterion] | None = None, of_prior: Array | float = 0.0
     ) -> None:
         self._problem, self._threads, self._of_prior = problem, threads, of_prior
-        d = criterion_named(problem).beside_nuisance(problem.n_nuisance)
-        self.aims = (aim_of(d),) if aims is None else tuple(aims)
+        self.criteria = (criterion_of(problem, Goal()),) if criteria is None else tuple(criteria)
         self._seen: list[PointInformation] = []
         self._numbers = 0
         self.validity = Validity(problem, threads, needs_covariances(str(problem.output_covariance)))
@@ -108,19 +106,19 @@ class CandidateArchive:
         if best is None:
             return None
         everything, candidates, found = best
-        value = self.aims[0].value(candidates.information(found.chosen, found.weights))
+        value = self.criteria[0].objective(candidates.information(found.chosen, found.weights))
         if not np.isfinite(value) or not found.efficiency > 0:
             return None
-        level, count = self.aims[0].level, len(design)
+        level, count = self.criteria[0].level, len(design)
         total = count + (0 if previous is None else len(previous))
         return Bound(float(value + level * np.log(2 * count / total) - level * np.log(found.efficiency)), len(everything) - count)
 
     def bound_over(self, design: PointInformation, previous: PointInformation | None, over: Scenarios) -> Bound | None:
         """The bound for a criterion over the prior, beside the previous points; None where none is known."""
-        if isinstance(self.aims[0].criterion, ConditionNumber):
+        if isinstance(self.criteria[0], ConditionNumber):
             return None
         parts, count = [design, *self._seen], len(design)
-        everything, noise = _Parts(parts), criterion(self._problem, design, self._threads, "noise")
+        everything, noise = _Parts(parts), output_covariance(self._problem, design, self._threads, "noise")
         rows = np.concatenate([scenario_rows(noise, part) for part in parts], axis=1)
         p, total = rows.shape[3], count + (0 if previous is None else len(previous))
         known = np.zeros((len(rows), p, p)) + self._of_prior / count
@@ -129,19 +127,20 @@ class CandidateArchive:
                 flat = whitened_rows(noise, there).reshape(-1, p)
                 known[s] += flat.T @ flat / count
 
-        def runs_everywhere(places: Places) -> NDArray[np.bool_]:
-            return self.validity.of(everything.points[places])
-
-        aims, level = self.aims, self.aims[0].level
-        spans = [aim.k for aim in aims if isinstance(aim, LogDetWithin)]
-        if spans:  # log det F of what the candidates determine in each scenario
-            if any(aim.level != level for aim in aims) or len(spans) < len(aims):
-                return None
-            rows = np.stack([own @ span for own, span in zip(rows, spans, strict=True)])
-            known = np.stack([span.T @ own @ span for own, span in zip(known, spans, strict=True)])
-            aims = (LogDet(Determinant("D", np.eye(level), True)),) * len(aims)
-        value = over_bound(rows, known, over.average, count, runs_everywhere, aims)
+        value = over_bound(rows, known, over.average, count, self._runnable(everything, count), self.criteria)
+        level = self.criteria[0].level
         return None if value is None else Bound(float(value + level * np.log(2 * count / total)), len(everything) - count)
+
+    def _runnable(self, everything: _Parts, count: int) -> Callable[[Places], NDArray[np.bool_]]:
+        """Which candidates the plants of the prior can run; the first, which are the design's points, were tried before."""
+        valid = np.arange(len(everything)) < count
+
+        def runs_everywhere(places: Places) -> NDArray[np.bool_]:
+            unknown = places[~valid[places]]
+            valid[unknown] = self.validity.of(everything.points[unknown])
+            return valid[places]
+
+        return runs_everywhere
 
     def best(self, design: PointInformation, previous: PointInformation | None, most: int) -> PointInformation | None:
         """Those with the largest sensitivity under the best weights; None where they do not determine all parameters.
@@ -164,7 +163,7 @@ class CandidateArchive:
     def _best_weights(self, design: PointInformation, previous: PointInformation | None) -> _Best | None:
         """The best weights of these candidates and the design's points, beside the previous ones."""
         parts = [design, *self._seen]
-        everything, noise = _Parts(parts), criterion(self._problem, design, self._threads, "noise")
+        everything, noise = _Parts(parts), output_covariance(self._problem, design, self._threads, "noise")
         own = whitened_rows(noise, design)
         rows = np.empty((len(everything), *own.shape[1:]))  # filled part by part: they are most of the memory
         rows[: len(design)], first = own, len(design)
@@ -178,24 +177,17 @@ class CandidateArchive:
         if np.any(self._of_prior):
             known = np.asarray(self._of_prior / count) if known is None else known + self._of_prior / count
         candidates = CandidateRows(rows, known)
-        space, aim = estimable(candidates.triangle()), self.aims[0]
-        lost = determined(self._problem, space) != aim.level if aim.of_all else aim.criterion.outside(space) > NOT_TOLD
-        if lost or isinstance(aim.criterion, ConditionNumber):
+        space, criterion = estimable(candidates.triangle()), self.criteria[0]
+        lost = determined(self._problem, space) != criterion.level if criterion.of_all else criterion.outside(space) > NOT_TOLD
+        if lost or isinstance(criterion, ConditionNumber):
             return None
-        valid = np.arange(len(rows)) < count
-
-        def runs_everywhere(places: Places) -> NDArray[np.bool_]:
-            unknown = places[~valid[places]]
-            valid[unknown] = self.validity.of(everything.points[unknown])
-            return valid[places]
-
         found = optimal_weights(
             candidates,
-            aim.criterion,
+            criterion,
             tolerance=TOLERANCE,
             space=space,
             first=np.arange(count),
-            allowed=runs_everywhere,
+            allowed=self._runnable(everything, count),
         )
         return _Best(everything, candidates, found)
 

@@ -47,7 +47,7 @@ class ExchangeSearch(PointSearch):
         accumulator = self._accumulate(self.best.prepared)
         phi = self._phi(accumulator, ridge)
         best_phi, entering = -np.inf, None
-        for _ in range(1 + self.settings.max_redraws):
+        for _ in range(1 + self.settings.method.max_redraws):
             candidates, confirmed = self._candidates(accumulator, ridge)
             phis = self._phis_with(accumulator, candidates, ridge)
             for m in np.argsort(-phis, kind="stable"):
@@ -62,7 +62,7 @@ class ExchangeSearch(PointSearch):
                 break
         if entering is None:
             return False
-        prepared = self.criterion.prepare(entering)
+        prepared = self.d.prepare(entering)
         log_det = self._log_det(prepared, 0.0)
         if not (log_det if ridge == 0.0 else self._log_det(prepared, ridge)) > phi:  # the same to rounding
             return False
@@ -72,9 +72,9 @@ class ExchangeSearch(PointSearch):
     def _move(self) -> bool:
         """Draw candidates near the points, and replace each point by its best candidate where that raises Phi."""
         settings, start = self.settings, self.best.information
-        if not settings.local or not np.isfinite(self.best.log_det):
+        if not settings.method.local or not np.isfinite(self.best.log_det):
             return False
-        each = max(1, round(MOVE_EVERY * settings.local * settings.n_candidates / len(start)))
+        each = max(1, round(MOVE_EVERY * settings.method.local * settings.n_candidates / len(start)))
         candidates, near = self.source.draw_near(start.experiments, each)
         chosen, places = self._nearby(candidates, near)
         moved = False
@@ -82,7 +82,7 @@ class ExchangeSearch(PointSearch):
             rows = np.arange(len(start))
             rows[k] = len(start)
             information = PointInformation.join([self.best.information, chosen[m : m + 1]])[rows]
-            prepared = self.criterion.prepare(information)
+            prepared = self.d.prepare(information)
             log_det = self._log_det(prepared, 0.0)
             if log_det > self.best.log_det + LEAST_GAIN:
                 self.best, moved = Incumbent(information, prepared, log_det), True
@@ -113,7 +113,7 @@ class ExchangeSearch(PointSearch):
         """Candidates for one draw, and whether they are valid on all nodes and carry the rule's covariances."""
         if not self.needs_covariances:
             return self.source.draw(self.settings.n_candidates), False
-        if not self.settings.screen:
+        if not self.settings.method.screen:
             return self.source.draw_confirmed(self.settings.n_candidates), True
         candidates, finite = self.source.linearized(self.source.draw(self.settings.n_candidates))
         candidates = candidates[finite]
@@ -122,9 +122,9 @@ class ExchangeSearch(PointSearch):
 
     def _phis_with(self, accumulator: _core.FisherAccumulator, candidates: PointInformation, ridge: float) -> Array:
         """log det F with each candidate beside the design, (K,)."""
-        prepared = self.criterion.prepare(candidates)
+        prepared = self.d.prepare(candidates)
         phis: Array = accumulator.log_det_with(
-            prepared.sensitivity, prepared.covariance, self.criterion.given, self.criterion.pooled, ridge, self.problem.n_nuisance
+            prepared.sensitivity, prepared.covariance, self.d.given, self.d.pooled, ridge, self.problem.n_nuisance
         )
         return phis
 
@@ -132,11 +132,11 @@ class ExchangeSearch(PointSearch):
         self, accumulator: _core.FisherAccumulator, candidate: PointInformation, ridge: float
     ) -> PointInformation | None:
         """The design where the candidate replaces the point that is missed least; None where that is the candidate."""
-        added = self.criterion.prepare(candidate)
+        added = self.d.prepare(candidate)
         sensitivity = np.concatenate([self.best.prepared.sensitivity, added.sensitivity])
         covariance = np.concatenate([self.best.prepared.covariance, added.covariance])
         accumulator.add(added.sensitivity, added.covariance)
-        d = self.criterion
+        d = self.d
         phis = accumulator.log_det_without(sensitivity, covariance, d.given, d.pooled, ridge, self.problem.n_nuisance)
         accumulator.remove(added.sensitivity, added.covariance)
         leaving = int(np.argmax(phis))

@@ -1,14 +1,9 @@
 """Upper bound of the designs of some candidates, for a criterion over the prior.
 
-For weights of candidates M_s = sum_i w_i F_is in scenario s, with G_s the derivative of log phi there. With any q of those in
-average.py, for every other mixture N
-
-    average(log phi(N_s)) <= sum_s q_s log phi(N_s) <= sum_s q_s log phi(M_s) + log max_i d_i,    d_i = sum_s q_s tr(G_s F_is),
-
-as phi(N) <= phi(M) tr(G N) (criteria.py) and the logarithm is concave. For log det F, log phi is a p-th of it and G = M^-1 / p. So
-all weights and all q give bounds. At the best weights, and their q, max_i d_i is 1: the equivalence theorem. They are approached by
-the multiplicative algorithm (Silvey, Titterington and Torsney 1978) on a few candidates at a time, to which those with the largest
-d_i are added.
+Over scenarios a criterion is one of a block-diagonal matrix (averaged.py), so that its best weights, and what bounds those of any
+design, are found as at the prior mean. Where that matrix would be too large, or a criterion has kinks of its own, scenarios are
+taken in groups. With any q_c of average.py within group c, of weight w_c, the q = w_c q_c are some of all scenarios: so the average
+over all is at most the weighted mean of those in the groups, each of which its own best weights bound.
 """
 
 from __future__ import annotations
@@ -20,22 +15,16 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ..average import Average
-from ..optimality.aims import Aim, LogDet
+from ..optimality.averaged import MOST_OF_ALL, Averaged, EstimableOver
+from ..optimality.candidate_rows import CandidateRows
+from ..optimality.criteria import Criterion
+from ..optimality.estimable import Estimable, estimable
+from ..optimality.weights import optimal_weights
 
-ROUNDS, STEPS, ADDED = 30, 200, 32
-"""Rounds that add candidates, steps of the weights in each round, and candidates that each adds."""
+TOLERANCE = 2e-3
+"""Share of its level by which the sensitivity function may exceed it over the candidates."""
 
-TOLERANCE = 0.01
-"""Relative amount by which max d_i may exceed 1."""
-
-POWER = 0.5
-"""Exponent of the factors d_i of the weights for criteria other than log det F: with 1 the weights may oscillate."""
-
-SMOOTH = 0.02
-"""Smoothing of a criterion with kinks, as a share of its value."""
-
-LEAST_WEIGHT = 1e-5
-"""A candidate with less leaves, but for those that stand first."""
+Places = NDArray[np.intp]
 
 
 def over_bound(
@@ -43,10 +32,10 @@ def over_bound(
     known: Array,
     average: Average,
     first: int,
-    allowed: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
-    aims: Sequence[Aim],
+    allowed: Callable[[Places], NDArray[np.bool_]],
+    criteria: Sequence[Criterion],
 ) -> float | None:
-    """The bound of the objective at M_s + `known`; None where the first candidates do not determine the criterion.
+    """The bound of the objective at M_s + `known`; None where the candidates do not determine the criterion.
 
     Parameters
     ----------
@@ -59,63 +48,46 @@ def over_bound(
         Candidates to begin with: the first so many, which may have weights.
     allowed : callable
         Takes candidates that would have a weight and returns which of them may; the others do not count.
-    aims : sequence of Aim
+    criteria : sequence of Criterion
         In each scenario.
     """
-    level, power = aims[0].level, 1.0 if isinstance(aims[0], LogDet) else POWER
-    working = np.arange(first)
-    weights, possible = np.full(first, 1 / first), np.ones(rows.shape[1], dtype=bool)
-    best = np.inf
-    for _ in range(ROUNDS):
-        some = rows[:, working]
-        for _ in range(STEPS):
-            found = _slopes(some, weights, known, average, aims)
-            if found is None:
-                return None
-            weights = weights * found[2] ** power
-            weights /= weights.sum()
-        found = _slopes(some, weights, known, average, aims)
-        if found is None:
-            return None
-        halves, value, _ = found
-        along = _along(rows, halves, known)
-        added = np.zeros(0, dtype=np.intp)
-        while True:  # what may not have a weight does not count
-            order = np.argsort(-np.where(possible, along, -np.inf), kind="stable")[:ADDED]
-            new = np.setdiff1d(order[possible[order] & (along[order] > 1)], working)
-            may = allowed(new)
-            possible[new[~may]] = False
-            added = np.union1d(added, new[may])
-            if may.all():
-                break
-        largest = float(along[possible].max())
-        best = min(best, level * (value + float(np.log(largest))))
-        if largest <= 1 + TOLERANCE or not len(added):
-            break
-        kept = (weights > LEAST_WEIGHT) | (working < first)
-        share = np.full(len(added), 0.1 / len(added))
-        working = np.concatenate([working[kept], added])
-        weights = np.concatenate([0.9 * weights[kept] / weights[kept].sum(), share])
-    return best
-
-
-def _slopes(rows: Array, weights: Array, known: Array, average: Average, aims: Sequence[Aim]) -> tuple[Array, float, Array] | None:
-    """Y_s (S, p, r) with q_s G_s = Y_s Y_s^T, sum_s q_s log phi(M_s), and all d_i; None where an M_s is singular."""
-    matrices = np.einsum("k,sknp,sknq->spq", weights, rows, rows, optimize=True) + known
-    try:
-        slopes = [aim.criterion.slope(matrix, SMOOTH) for aim, matrix in zip(aims, matrices, strict=True)]
-    except np.linalg.LinAlgError:
+    level, scenarios = criteria[0].level, len(rows)
+    spaces = [estimable(CandidateRows(*one).triangle()) for one in zip(rows, known, strict=True)]
+    if any(_lost(one, space, level) for one, space in zip(criteria, spaces, strict=True)):
         return None
-    values = np.array([slope.log_phi for slope in slopes])
-    q = average.softened(aims[0].level * values)[1] / len(values)
-    halves = np.sqrt(q)[:, None, None] * np.stack([slope.half for slope in slopes])
-    return halves, float(q @ values), _along(rows, halves, known)
+    most = 1 if criteria[0].kinked else max(1, MOST_OF_ALL // rows.shape[3])
+    groups = np.array_split(np.arange(scenarios), -(-scenarios // most))
+    bounds, weights = [], np.array([average.weights[group].sum() for group in groups])
+    for group in groups:
+        criterion, candidates, space = _of_group(group, rows, known, average, criteria, spaces)
+        begin = np.arange(first)
+        found = optimal_weights(candidates, criterion, tolerance=TOLERANCE, space=space, first=begin, allowed=allowed)
+        value = criterion.objective(candidates.information(found.chosen, found.weights))
+        if not np.isfinite(value) or not found.efficiency > 0:
+            return None
+        bounds.append(value - level * np.log(found.efficiency))
+    share = average.share if len(groups) == scenarios else 1.0
+    return float(Average(weights * len(weights) / weights.sum(), share).value(np.array(bounds)))
 
 
-def _along(rows: Array, halves: Array, known: Array) -> Array:
-    """d_i (K,) of candidates."""
-    total = np.full(rows.shape[1], float(np.einsum("spq,spr,sqr->", known, halves, halves, optimize=True)))
-    for own, half in zip(rows, halves, strict=True):
-        product = (own.reshape(-1, own.shape[2]) @ half).reshape(len(own), -1)
-        total += np.einsum("ij,ij->i", product, product)
-    return total
+def _lost(criterion: Criterion, space: Estimable, level: int) -> bool:
+    """Whether candidates do not determine a criterion, or more than it was restricted to."""
+    return criterion.level != level or criterion.outside(space) > 1e-6 or criterion.within(space).level != level
+
+
+def _of_group(
+    group: Places,
+    rows: Array,
+    known: Array,
+    average: Average,
+    criteria: Sequence[Criterion],
+    spaces: Sequence[Estimable],
+) -> tuple[Criterion, CandidateRows, Estimable]:
+    """The criterion over some of the scenarios, the candidates, and what these determine there."""
+    if len(group) == 1:
+        (s,) = group
+        return criteria[s], CandidateRows(rows[s], known[s]), spaces[s]
+    own = average.weights[group]
+    of_group = Average(own * len(own) / own.sum(), average.share)
+    criterion = Averaged([criteria[s] for s in group], of_group, [rows.shape[3]] * len(group))
+    return criterion, CandidateRows(np.moveaxis(rows[group], 0, 1), known[group]), EstimableOver.of([spaces[s] for s in group])

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.candidates import CandidateSource
-from ...information.output_covariance import Criterion, cholesky_factor, whitened
+from ...information.output_covariance import OutputCovariance, cholesky_factor, whitened
 from ...information.point_information import PointInformation, point_sensitivities
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.status import Status
-from ..optimality.aims import Aim, slopes_of
+from ..optimality.criteria import Criterion
+from ..optimality.determinant import slopes_of
 from ..over_prior import Scenarios
 from ..runs.linear_rows import LinearRows
 from ..runs.run_ascent import FIRST, LEAST, MOST, MOST_SMALL, REACHES, SHARES, SMALL_GAIN, trial_changes
@@ -42,13 +43,13 @@ class PointAscent:
     problem : DesignProblem
     source : CandidateSource
         Determines which points are valid.
-    criterion : Criterion
+    d : OutputCovariance
         With a D that does not depend on the other points.
     fixed : ndarray, (S, p, p)
         What is added to F, the sum over the points, in each scenario.
     threads : int
     over : Scenarios
-    aims : sequence of Aim
+    criteria : sequence of Criterion
         What is maximised in each scenario.
     """
 
@@ -56,14 +57,14 @@ class PointAscent:
         self,
         problem: DesignProblem,
         source: CandidateSource,
-        criterion: Criterion,
+        d: OutputCovariance,
         fixed: Array,
         threads: int,
         over: Scenarios,
-        aims: Sequence[Aim],
+        criteria: Sequence[Criterion],
     ) -> None:
-        self._over, self._aims = over, aims
-        self._problem, self._source, self._criterion, self._threads = problem, source, criterion, threads
+        self._over, self._criteria = over, criteria
+        self._problem, self._source, self._d, self._threads = problem, source, d, threads
         self.fixed = fixed
         self._lower, self._upper = problem.point_region.box(problem.model)
         self._width = self._upper - self._lower
@@ -71,7 +72,7 @@ class PointAscent:
 
     def rows(self, information: PointInformation) -> Array:
         """Whitened rows (S, K, n, p)."""
-        return scenario_rows(self._criterion, information)
+        return scenario_rows(self._d, information)
 
     def run(self, start: PointInformation, iterations: int, late: Callable[[], bool]) -> PointInformation:
         """The points to which an ascent leads, in so many iterations at most."""
@@ -136,21 +137,21 @@ class PointAscent:
             found = [point_sensitivities(problem, points, self._threads) for problem in self._over.problems]
             ok = np.flatnonzero(np.all([status == Status.ok for _, status in found], axis=0))
             number, point = number[ok], point[ok]
-            there = np.stack([whitened_rows(self._criterion, information[ok]) for information, _ in found])
+            there = np.stack([whitened_rows(self._d, information[ok]) for information, _ in found])
             difference = (there - rows[:, point]).swapaxes(0, 1)
             slopes[number, point] = difference / step[point, number][:, None, None, None]
             known[number, point] = True
         nothing = np.zeros((len(rows), count, 0)), np.zeros((count, d, len(rows), 0))  # no distances to limits
         variable = np.arange(count * d).reshape(count, d)
         own = np.ascontiguousarray(slopes.swapaxes(0, 1))
-        slopes_there = partial(slopes_of, self._aims)
+        slopes_there = partial(slopes_of, self._criteria)
         return LinearRows(rows, own, nothing[0], nothing[1], self.fixed, self._over.average, 0.0, variable, slopes_there)
 
     def _value(self, rows: Array) -> float:
         values = []
-        for own, fixed, aim in zip(rows, self.fixed, self._aims, strict=True):
+        for own, fixed, criterion in zip(rows, self.fixed, self._criteria, strict=True):
             flat = own.reshape(-1, own.shape[-1])
-            values.append(aim.value(np.einsum("kp,kq->pq", flat, flat) + fixed))
+            values.append(criterion.objective(np.einsum("kp,kq->pq", flat, flat) + fixed))
         return float(self._over.average.value(np.array(values)))
 
     def _numbers(self, points: Experiments) -> Array:
@@ -163,12 +164,12 @@ class PointAscent:
         return Experiments.of_table(self._problem.model, table)
 
 
-def whitened_rows(criterion: Criterion, information: PointInformation) -> Array:
+def whitened_rows(d: OutputCovariance, information: PointInformation) -> Array:
     """Rows (K, n, p) whose squares are the information of each point, for a D that does not depend on the others."""
-    factor = cholesky_factor(criterion.given, criterion.names, criterion.kind)
-    return whitened(factor, criterion.prepare(information).sensitivity)
+    factor = cholesky_factor(d.given, d.names, d.kind)
+    return whitened(factor, d.prepare(information).sensitivity)
 
 
-def scenario_rows(criterion: Criterion, information: PointInformation) -> Array:
+def scenario_rows(d: OutputCovariance, information: PointInformation) -> Array:
     """Whitened rows of points in each scenario, (S, K, n, p); at the prior mean where there are none."""
-    return np.stack([whitened_rows(criterion, one) for one in information.everywhere])
+    return np.stack([whitened_rows(d, one) for one in information.everywhere])

@@ -13,7 +13,7 @@ from ...basics.values import Array, FrozenMapping
 from ...engine import _core
 from ...information.candidates import CandidateSource
 from ...information.evaluation import Evaluation, evaluate_information, finite_fisher
-from ...information.output_covariance import Criterion, criterion
+from ...information.output_covariance import OutputCovariance, output_covariance
 from ...information.point_information import PointInformation
 from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
@@ -21,11 +21,11 @@ from ...points.experiments import Experiments
 from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
-from ..optimality.aims import Aim, LogDet, aim_of, restricted
 from ..optimality.candidate_rows import CandidateRows
+from ..optimality.criteria import Criterion
 from ..optimality.estimability import not_told
 from ..optimality.estimable import Estimable, estimable
-from ..optimality.goal import criterion_of
+from ..optimality.goal_criterion import criterion_of
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
@@ -76,33 +76,33 @@ class PointSearch:
         self._started = time.perf_counter()
         over = self.scenarios
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
-        self.goals: tuple[Aim, ...] = tuple(map(self._aim, self.over.problems))
-        self.aims = self.goals  # later restricted to what the candidates can determine
+        self.unrestricted: tuple[Criterion, ...] = tuple(map(self._criterion, self.over.problems))
+        self.criteria = self.unrestricted  # later restricted to what the candidates can determine
         self.space: Estimable | None = None  # what the candidates determine at the prior mean, once it was computed
         self.spaces: tuple[Estimable, ...] | None = None  # what the pools of a search determine in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
-        self.of_prior = prior_information(self.problem, self.settings.prior_information)
-        self.seen = CandidateArchive(self.problem, self.threads, self.aims, self.of_prior)
-        self.away = None if self.settings.confidence is None else Away(self.problem, self.settings, self.seen.validity)
-        keep = self.seen.add if self.settings.references and self.problem.noise_std is not None else None
+        self.of_prior = prior_information(self.problem, self.settings.goal.prior_information)
+        self.seen = CandidateArchive(self.problem, self.threads, self.criteria, self.of_prior)
+        self.away = None if self.settings.goal.share_of_plants is None else Away(self.problem, self.settings, self.seen.validity)
+        keep = self.seen.add if self.settings.method.references and self.problem.noise_std is not None else None
         elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)
         self.source = CandidateSource(self.problem, rng, self.threads, keep, elsewhere, self.seen.validity)
         start = self._first()
-        self.criterion: Criterion = criterion(self.problem, self._with_previous(start), self.threads)
-        self._previous = [None if known is None else self.criterion.prepare(known) for known in self.over.previous]
+        self.d: OutputCovariance = output_covariance(self.problem, self._with_previous(start), self.threads)
+        self._previous = [None if known is None else self.d.prepare(known) for known in self.over.previous]
         self.best = self._incumbent(start)
         self._record(0, False)
 
-    def _aim(self, problem: DesignProblem) -> Aim:
-        return aim_of(criterion_of(problem, self.settings, self.threads))
+    def _criterion(self, problem: DesignProblem) -> Criterion:
+        return criterion_of(problem, self.settings.goal, self.threads)
 
     @property
-    def at_mean(self) -> Aim:
+    def at_mean(self) -> Criterion:
         """What would be maximised at the prior mean alone."""
         if self.scenarios is None:
-            return self.aims[0]
-        goal = self._aim(self.problem)
-        return goal if self.space is None else restricted(goal, self.space)
+            return self.criteria[0]
+        goal = self._criterion(self.problem)
+        return goal if self.space is None else goal.restricted_to(self.space)
 
     @property
     def _ridge(self) -> float:
@@ -117,11 +117,11 @@ class PointSearch:
             rng = np.random.default_rng([self.settings.seed, 3])
             source = CandidateSource(self.problem, rng, self.threads, validity=self.seen.validity)
             information = self._with_previous(PointInformation.join([self.best.information, source.draw(SAMPLE)]))
-            rows = self.criterion.prepare(information).sensitivity
+            rows = self.d.prepare(information).sensitivity
             size = np.sqrt(np.square(rows).mean(axis=(0, 2), keepdims=True))  # as F may be of another D than that of the noise
             self.space = estimable(CandidateRows(rows / np.where(size > 0, size, 1.0)).triangle())
             if self.scenarios is None:
-                self.aims = self.seen.aims = (restricted(self.goals[0], self.space),)
+                self.criteria = self.seen.criteria = (self.unrestricted[0].restricted_to(self.space),)
         return self.space
 
     def _first(self) -> PointInformation:
@@ -141,7 +141,7 @@ class PointSearch:
                 if progress is not None:
                     candidates = self.source.drawn, self.source.rejected.total()
                     progress(Progress(iteration, settings.max_iterations, self.best.log_det, exchanges, *candidates, self.seconds))
-                if settings.patience is not None and idle >= settings.patience:
+                if settings.method.patience is not None and idle >= settings.method.patience:
                     return "patience"
                 if self._late():
                     return "time_limit"
@@ -164,11 +164,11 @@ class PointSearch:
         self.trace.append(TraceRecord(iteration, self.best.log_det, bool(exchanged), self.source.drawn, self.seconds))
 
     def _incumbent(self, information: PointInformation) -> Incumbent:
-        return Incumbent(information, self.criterion.prepare(information), self._worth(information, 0.0))
+        return Incumbent(information, self.d.prepare(information), self._worth(information, 0.0))
 
     def _worth(self, information: PointInformation, ridge: float) -> float:
         """What is maximised: log det F or another criterion, or its average over the scenarios."""
-        of_all = [self._log_det(self.criterion.prepare(one), ridge, s) for s, one in enumerate(information.everywhere)]
+        of_all = [self._log_det(self.d.prepare(one), ridge, s) for s, one in enumerate(information.everywhere)]
         return float(self.over.average.value(np.array(of_all)))
 
     def _log_det(self, prepared: PointInformation, ridge: float, scenario: int = 0) -> float:
@@ -179,7 +179,7 @@ class PointSearch:
     def _accumulate(self, prepared: PointInformation, scenario: int = 0) -> _core.FisherAccumulator:
         """The previous points, and these."""
         known = self._previous[scenario]
-        return self.criterion.accumulate(prepared if known is None else PointInformation.join([known, prepared]))
+        return self.d.accumulate(prepared if known is None else PointInformation.join([known, prepared]))
 
     def _with_previous(self, information: PointInformation) -> PointInformation:
         return information if self.previous is None else PointInformation.join([self.previous, information])
@@ -192,17 +192,15 @@ class PointSearch:
         scenario: int = 0,
         known: Array | float = 0.0,
     ) -> float:
-        fisher = share * finite_fisher(
-            accumulator.fisher(accumulator.output_covariance(self.criterion.given, self.criterion.pooled))
-        )
-        return self.aims[scenario].value(fisher + known + ridge * np.eye(len(fisher)))
+        fisher = share * finite_fisher(accumulator.fisher(accumulator.output_covariance(self.d.given, self.d.pooled)))
+        return self.criteria[scenario].objective(fisher + known + ridge * np.eye(len(fisher)))
 
     def under_noise(self) -> Evaluation | None:
         if self.problem.noise_std is None:
             return None
         information = self._with_previous(self.best.information)
-        d = criterion(self.problem, information, self.threads, "noise")
-        return evaluate_information(self.problem, information, d, self.threads, self.settings.prior_information)
+        d = output_covariance(self.problem, information, self.threads, "noise")
+        return evaluate_information(self.problem, information, d, self.threads, self.settings.goal.prior_information)
 
     @property
     def count(self) -> int:
@@ -211,10 +209,10 @@ class PointSearch:
 
     def evaluation(self, under_noise: Evaluation | None) -> Evaluation:
         """Under the D of the criterion, which may be that of the noise."""
-        if under_noise is not None and self.criterion.kind == "noise":
+        if under_noise is not None and self.d.kind == "noise":
             return under_noise
         information = self._with_previous(self.best.information)
-        return evaluate_information(self.problem, information, self.criterion, self.threads)
+        return evaluate_information(self.problem, information, self.d, self.threads)
 
     def found(
         self,
@@ -250,14 +248,14 @@ class PointSearch:
         if self.scenarios is None:
             return None
         problems, total, evaluations = self.over.problems, len(self._with_previous(self.best.information)), []
-        scenarios = zip(problems, self.over.previous, self.best.information.everywhere, self.aims, strict=True)
-        for problem, known, own, aim in scenarios:
+        scenarios = zip(problems, self.over.previous, self.best.information.everywhere, self.criteria, strict=True)
+        for problem, known, own, criterion in scenarios:
             everything = own if known is None else PointInformation.join([known, own])
-            evaluation = evaluate_information(problem, everything, self.criterion, self.threads, self.settings.prior_information)
+            evaluation = evaluate_information(problem, everything, self.d, self.threads, self.settings.goal.prior_information)
             log_det = evaluation.log_det
-            if aim.of_all and evaluation.rank == aim.level:
+            if criterion.of_all and evaluation.rank == criterion.level:
                 log_det = float(evaluation.log_det_estimable or 0.0)
             scale = evaluation.rank * float(np.log(len(everything) / total))
             evaluations.append(replace(evaluation, log_det=log_det + scale))
-        value = None if isinstance(self.aims[0], LogDet) else self.best.log_det
+        value = None if self.criteria[0].plain else self.best.log_det
         return scenario_values(problems, self.over.average, evaluations, value)

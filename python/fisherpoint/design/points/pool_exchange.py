@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...engine.levels import kernels
 from ..average import Average
-from ..optimality.aims import Aim
+from ..optimality.criteria import Criterion
 
 LEAST_RATIO = 1 + 1e-6
 """Least factor by which an exchange must raise det F, or phi of another criterion; with less it would go on for ever."""
@@ -45,14 +45,16 @@ class PoolExchange:
     fixed : ndarray, (S, p, p)
         What is added to F.
     average : Average
-    aims : sequence of Aim
+    criteria : sequence of Criterion
         What is maximised in each scenario.
     """
 
-    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array, average: Average, aims: Sequence[Aim]) -> None:
+    def __init__(
+        self, columns: Array, chosen: NDArray[np.intp], fixed: Array, average: Average, criteria: Sequence[Criterion]
+    ) -> None:
         self.chosen, self._average = chosen.copy(), average
-        self._parts = [_Part(columns[s], chosen, fixed[s], aim) for s, aim in enumerate(aims)]
-        self._bounded = any(aim.bounded for aim in aims)
+        self._parts = [_Part(columns[s], chosen, fixed[s], criterion) for s, criterion in enumerate(criteria)]
+        self._bounded = any(criterion.bounded for criterion in criteria)
 
     def promising(self, among: NDArray[np.intp], most: int, place: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
         """The `most` best candidates that raise the criterion instead of each point, all together.
@@ -88,7 +90,7 @@ class PoolExchange:
     def gains(self, among: NDArray[np.intp]) -> Array:
         """Factors by which candidates raise the criterion beside all points of the design."""
         parts, offsets = self._beside(self.chosen, self._taken(among))
-        exactly = [part.aim.added_exactly(f, w) if self._bounded else part.aim.added(f, w) for part, f, w in parts]
+        exactly = [part.criterion.added_exactly(f, w) if self._bounded else part.criterion.added(f, w) for part, f, w in parts]
         return self._average.ratios(offsets, exactly)
 
     def _beside(self, chosen: NDArray[np.intp], columns: Sequence[Array]) -> tuple[list[tuple[_Part, Array, Array]], Array | None]:
@@ -96,7 +98,7 @@ class PoolExchange:
         fishers = [part.of(chosen) for part in self._parts]
         offsets = None
         if not self._average.is_mean:
-            offsets = np.array([part.aim.offset(f, part.factor) for part, f in zip(self._parts, fishers, strict=True)])
+            offsets = np.array([part.criterion.offset(f, part.factor) for part, f in zip(self._parts, fishers, strict=True)])
         return list(zip(self._parts, fishers, columns, strict=True)), offsets
 
     def _distinct(self) -> NDArray[np.intp]:
@@ -112,13 +114,13 @@ class PoolExchange:
         Where the criterion has bounds for all, what cannot be among the `most` best is 0, but for that which is `here` now.
         """
         parts, offsets = self._beside(np.concatenate([self.chosen[:place], self.chosen[place + 1 :]]), columns)
-        ratios = self._average.ratios(offsets, [part.aim.added(f, w) for part, f, w in parts])
+        ratios = self._average.ratios(offsets, [part.criterion.added(f, w) for part, f, w in parts])
         if not self._bounded:
             return ratios
         exact = np.zeros(len(ratios))
 
         def look_at(some: NDArray[np.intp]) -> None:
-            taken = [part.aim.added_exactly(f, w[:, :, some]) for part, f, w in parts]
+            taken = [part.criterion.added_exactly(f, w[:, :, some]) for part, f, w in parts]
             exact[some] = self._average.ratios(offsets, taken)
 
         look_at(np.array([here]))
@@ -137,17 +139,17 @@ class PoolExchange:
 class _Part:
     """One scenario: its columns (p, n, N) and its criterion in coordinates in which F is about I."""
 
-    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array, aim: Aim) -> None:
-        own, least = columns[:, :, chosen], aim.least
+    def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array, criterion: Criterion) -> None:
+        own, least = columns[:, :, chosen], criterion.least
         # In such coordinates the scales of F do not matter, nor what is added to it.
         factor = _factor(np.einsum("pnk,qnk->pq", own, own) + fixed)
         if _singular(factor):  # then in those of the candidates, and with more of I, so that what is missing shows
             factor = _factor(np.einsum("pnk,qnk->pq", columns, columns) * len(chosen) / columns.shape[2] + fixed)
-            least = aim.small
+            least = criterion.small
         self.columns = kernels.divided(factor, columns)
         half = np.linalg.solve(factor, fixed)
         self._fixed = np.linalg.solve(factor, half.T) + least * np.eye(len(fixed))
-        self.aim, self.factor = aim.within(factor), factor
+        self.criterion, self.factor = criterion.in_coordinates(factor), factor
 
     def of(self, chosen: NDArray[np.intp]) -> Array:
         """F of some points, with a tiny addition to its diagonal."""
@@ -175,7 +177,7 @@ def greedy(
     count: int,
     fixed: Array,
     average: Average,
-    aims: Sequence[Aim],
+    criteria: Sequence[Criterion],
     first: NDArray[np.intp] | None = None,
 ) -> NDArray[np.intp]:
     """Candidates (count,) that are chosen one after the other, each as the best beside those before it and the `first` ones.
@@ -193,8 +195,8 @@ def greedy(
     while len(chosen) < count:
         offsets = None
         if not average.is_mean:
-            offsets = np.array([aim.offset(f, np.eye(len(f))) for aim, f in zip(aims, fishers, strict=True)])
-        ratios = average.ratios(offsets, [aim.added(f, own) for aim, f, own in zip(aims, fishers, columns, strict=True)])
+            offsets = np.array([criterion.offset(f, np.eye(len(f))) for criterion, f in zip(criteria, fishers, strict=True)])
+        ratios = average.ratios(offsets, [one.added(f, own) for one, f, own in zip(criteria, fishers, columns, strict=True)])
         chosen.append(int(np.argmax(ratios)))
         fishers = [fisher + own[:, :, chosen[-1]] @ own[:, :, chosen[-1]].T for fisher, own in zip(fishers, columns, strict=True)]
     return np.array(chosen)

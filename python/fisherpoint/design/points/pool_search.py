@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...points.runs import Runs
-from ..optimality.aims import aim_of
-from ..optimality.estimability import restricted_aims
+from ..optimality.estimability import restricted_criteria
 from ..optimality.estimable import Estimable
-from ..optimality.goal import criterion
+from ..optimality.goal import Goal
+from ..optimality.goal_criterion import criterion_of
 from .climbs import higher
 from .lineage import Lineage
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
@@ -63,10 +63,10 @@ class PoolSearch(PointSearch):
         self._known = np.tile(self.of_prior, (len(self.over.problems), 1, 1))
         for s, known in enumerate(self.over.previous):
             if known is not None:
-                rows = whitened_rows(self.criterion, known).reshape(-1, p)
+                rows = whitened_rows(self.d, known).reshape(-1, p)
                 self._known[s] += np.einsum("kp,kq->pq", rows, rows)
-        of_d = aim_of(criterion(self.problem, "D").beside_nuisance(self.problem.n_nuisance))
-        self._level, self._log_dets = self.aims[0].level, [of_d] * len(self.aims)
+        of_d = criterion_of(self.problem, Goal())
+        self._level, self._log_dets = self.criteria[0].level, [of_d] * len(self.criteria)
         self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
         self.lineage = Lineage()
@@ -81,14 +81,16 @@ class PoolSearch(PointSearch):
         return fixed
 
     def _restrict_to_estimable(self, pool: Pool, spaces: Sequence[Estimable] | None = None) -> None:
-        """Restrict the aims to what the candidates determine; `spaces` are of more candidates, where there were."""
-        rows, singular = pool.columns.transpose(0, 3, 2, 1), self.settings.singular
-        aims, self.spaces = restricted_aims(self.problem, self.goals, rows, self._known, self.count, singular, spaces=spaces)
+        """Restrict the criteria to what the candidates determine; `spaces` are of more candidates, where there were."""
+        rows, singular = pool.columns.transpose(0, 3, 2, 1), self.settings.goal.singular
+        criteria, self.spaces = restricted_criteria(
+            self.problem, self.unrestricted, rows, self._known, self.count, singular, spaces=spaces
+        )
         if self.scenarios is None:
             self.space = self.spaces[0]
-        if aims != self.aims:
-            self.aims, self._level = aims, aims[0].level
-            self.seen.aims = aims
+        if criteria != self.criteria:
+            self.criteria, self._level = criteria, criteria[0].level
+            self.seen.criteria = criteria
             self.best = self._incumbent(self.best.information)
 
     def _numbers(self, points: PointInformation) -> Array:
@@ -99,7 +101,7 @@ class PoolSearch(PointSearch):
         return Pool(information, self._columns(information), valid)
 
     def _columns(self, information: PointInformation) -> Array:
-        return np.ascontiguousarray(scenario_rows(self.criterion, information).transpose(0, 3, 2, 1))
+        return np.ascontiguousarray(scenario_rows(self.d, information).transpose(0, 3, 2, 1))
 
     def _value(self, design: PointInformation) -> float:
         return self._worth(design, self._ridge)
@@ -116,7 +118,7 @@ class PoolSearch(PointSearch):
         The best by log det F where half of them are not any, as other criteria see only what is known worst while points are few.
         """
         rng, count = self._rng, self.count
-        aims = self.aims if at_random and not self.aims[0].bounded else self._log_dets
+        criteria = self.criteria if at_random and not self.criteria[0].bounded else self._log_dets
         live = np.flatnonzero(pool.valid >= 0)
         size = int(max(LEAST_PART, min(PART * len(live), MOST_WORK / count)))
         part, designs = np.sort(rng.permutation(live)[:size]), list[PointInformation]()
@@ -124,7 +126,7 @@ class PoolSearch(PointSearch):
             some = np.sort(rng.permutation(part)[:LEAST_PART]) if at_random else part
             first = rng.integers(len(some), size=count // 2 if at_random else 0)
             columns = np.ascontiguousarray(pool.columns[..., some])
-            chosen = some[greedy(columns, count, self._fixed, self.over.average, aims, first)]
+            chosen = some[greedy(columns, count, self._fixed, self.over.average, criteria, first)]
             self._confirm(pool, np.unique(chosen))
             lost = pool.valid[chosen] < 0
             chosen[lost] = rng.choice(np.flatnonzero(pool.valid == 1), int(lost.sum()))
@@ -216,10 +218,10 @@ class PoolSearch(PointSearch):
 
     def _exchange(self, columns: Array, count: int) -> PoolExchange:
         """The exchange of a design whose points stand first."""
-        return PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.aims)
+        return PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.criteria)
 
     def _ascended(self, design: PointInformation) -> PointInformation:
-        ascent = PointAscent(self.problem, self.source, self.criterion, self._fixed, self.threads, self.over, self.aims)
+        ascent = PointAscent(self.problem, self.source, self.d, self._fixed, self.threads, self.over, self.criteria)
         ascended = ascent.run(design, ASCENT, self._late)
         before, after = self._numbers(design), self._numbers(ascended)
         moved = (before != after).any(axis=1)

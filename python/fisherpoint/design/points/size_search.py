@@ -66,7 +66,7 @@ def sized_searches(
     search: PointSearch
     for size in sizes:
         own = replace(settings, n_experiments=size)
-        if searched_by(settings.method, problem) == "paper":
+        if searched_by(settings.method.name, problem) == "paper":
             search = ExchangeSearch(problem, own, threads, previous)
         elif last is None:
             search = AutoSearch(problem, own, threads, previous, scenarios=scenarios)

@@ -14,22 +14,21 @@ from ...basics.values import Array, FrozenMapping
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_design
 from ...information.feasibility import Feasibility, feasibility_within
-from ...information.output_covariance import criterion
+from ...information.output_covariance import output_covariance
 from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
-from ...information.prior_information import prior_information as information_of_prior
+from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...information.run_information import checked_problem, information_matrices, information_of
-from ...points.experiments import Experiments
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...points.settings import resolve_threads
 from ...show.progress import Step, check_progress, following
 from ..average import Average
 from ..found import DRAWS, UNSEEN
-from ..optimality.aims import aim_of
-from ..optimality.goal import OF_ALL, criterion_of
-from ..over_prior import OverPrior, moved_problems
+from ..optimality.goal import Goal, goal_of
+from ..optimality.goal_criterion import criterion_of
+from ..over_prior import moved_problems
 from ..scenario_values import scenario_values
 from ..settings import RunSettings
 from .run_clock import Clock
@@ -43,22 +42,15 @@ def design_runs(
     problem: DesignProblem,
     n_runs: int = 1,
     *,
-    n_starts: int = 8,
-    n_candidates: int = 500,
-    confidence: float | None = 0.99,
-    seed: int = 0,
-    threads: int | None = None,
-    time_limit: float | None = None,
-    progress: bool | Callable[[RunProgress], None] | None = None,
+    goal: str | Goal = "D",
     previous: Previous | None = None,
     keep: Runs | RunDesign | None = None,
-    over: OverPrior | None = None,
-    singular: str = "estimable",
-    criterion: str = "D",
-    of: str | Sequence[str] | None = None,
-    conditions: Experiments | None = None,
-    scale: Mapping[str, float] | None = None,
-    prior_information: bool = False,
+    n_starts: int = 8,
+    n_candidates: int = 500,
+    seed: int = 0,
+    time_limit: float | None = None,
+    threads: int | None = None,
+    progress: bool | Callable[[RunProgress], None] | None = None,
 ) -> RunDesign:
     """Find the runs with the largest det F, or the best by another criterion, that enough of the prior's plants can run.
 
@@ -72,41 +64,28 @@ def design_runs(
         With a `RunRegion` and the sensor noise.
     n_runs : int
         L.
-    n_starts : int
-        How often the search begins anew, from random runs or classical ones; the problem has many local maxima.
-    n_candidates : int
-        Random runs to begin with.
-    confidence : float or None
-        Share of the plants that the prior allows which must reach the ends of all runs. None requires it of the prior mean alone.
-    seed : int
-        The same seed gives the same design to the last bit, on any machine and with any number of threads, unless a time limit
-        ends the search.
-    threads : int, optional
-        Default: every core.
-    time_limit : float, optional
-        Seconds after which the search returns what it has, a safety net. The work is set by `n_starts` and `n_candidates`.
-    progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `RunProgress` after each turn
-        of a start.
+    goal : str or Goal
+        The name of a criterion, such as "A", or all that the runs are to be good for. The output of "I" is predicted at experiment
+        points. Without a `confidence` 99 % of the plants that the prior allows must reach the ends of all runs.
     previous : Measurements, Experiments, Runs, a design, or a sequence of these, optional
         What is already measured, or planned: its information counts beside that of the runs.
     keep : Runs or RunDesign, optional
         Runs that the design must have, such as those that were chosen by hand, or those of a design to be enlarged. They are its
         first, stay as they are, and count among the `n_runs`; they need not be of the region.
-    over : OverPrior, optional
-        A criterion over the prior instead of log det F at its mean; the time is that of one scenario times their number. Runs
-        must reach their ends in every scenario.
-    singular : {"estimable", "error"}
-        Where so many runs, or any runs of the region, do not determine all parameters: "estimable" designs for those that can be
-        determined, and the report names the rest; "error" raises.
-    criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
-        The criterion of the design; :func:`fisherpoint.criterion` says what each one is, and needs. Where no run has information
-        on some parameters, "A", "E" and "ME" are of the others.
-    of, conditions, scale
-        What the criterion needs. The output of "I" is predicted at experiment points.
-    prior_information : bool
-        Whether the inverse of the prior's covariance counts beside the runs and what was previous to them, as for
-        :func:`fisherpoint.exchange`.
+    n_starts : int
+        How often the search begins anew, from random runs or classical ones; the problem has many local maxima.
+    n_candidates : int
+        Random runs to begin with.
+    seed : int
+        The same seed gives the same design to the last bit, on any machine and with any number of threads, unless a time limit
+        ends the search.
+    time_limit : float, optional
+        Seconds after which the search returns what it has, a safety net. The work is set by `n_starts` and `n_candidates`.
+    threads : int, optional
+        Default: every core.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `RunProgress` after each turn
+        of a start.
 
     Returns
     -------
@@ -118,30 +97,24 @@ def design_runs(
     ------
     TypeError, ValueError
         For misuse, where no run of the region is found that reaches its end, with the limits that end them, where the runs cannot
-        determine a criterion other than "D", and with ``singular="error"`` where parameters are left open.
+        determine a criterion other than "D", and parameters that are left open where the goal has ``singular="error"``.
     """
     check_type(problem, DesignProblem, "problem")
     region = problem.run_region
     checked_problem(problem)
     settings = RunSettings(
         n_runs=n_runs,
+        goal=goal_of(goal),
         n_starts=n_starts,
         n_candidates=n_candidates,
         seed=seed,
-        confidence=confidence,
         time_limit=time_limit,
-        over=over,
-        singular=singular,
-        criterion=criterion,
-        of=of,  # type: ignore[arg-type]  # the settings make it a tuple
-        conditions=conditions,
-        scale=scale,
-        prior_information=prior_information,
     )
+    goal = settings.goal
     check_progress(progress)
     clock = Clock(settings.time_limit)
     threads = resolve_threads(threads)
-    problems, average = ((problem,), Average.of_all(1)) if settings.over is None else moved_problems(problem, settings.over)
+    problems, average = ((problem,), Average.of_all(1)) if goal.over is None else moved_problems(problem, goal.over)
     theta = np.array([moved.theta for moved in problems])
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
@@ -152,48 +125,44 @@ def design_runs(
     if keep is not None:
         kept = _kept(keep, region, settings.n_runs)
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
-    there = there + information_of_prior(problem, settings.prior_information)
+    there = there + prior_information(problem, goal.prior_information)
     with following(progress, "start", _step, "drawing the first runs") as report:
         search = RunSearch(
             problem,
             region,
-            settings.n_runs - (0 if kept is None else len(kept)),
+            settings,
             theta,
             average,
             there,
-            [aim_of(criterion_of(moved, settings, threads)) for moved in problems],
-            confidence=settings.confidence,
-            n_starts=settings.n_starts,
-            n_candidates=settings.n_candidates,
-            seed=settings.seed,
+            [criterion_of(moved, goal, threads) for moved in problems],
             threads=threads,
             clock=clock,
             kept=kept,
         )
-        with_prior, all_required = settings.prior_information, settings.singular == "error" and criterion in OF_ALL
-        if all_required and search.pool.singular:
+        if goal.requires_all and search.pool.singular:
             advice = "measure other outputs, estimate fewer parameters, or widen the region"
             _refuse("no run has information on", search.pool.open, advice)
         stop_reason = search.run(report)
-        if criterion != "D" and not np.isfinite(search.best.value):
+        if goal.criterion != "D" and not np.isfinite(search.best.value):
             raise ValueError(
-                f"n_runs: expected enough runs to determine criterion {criterion!r}, given {settings.n_runs}: the search "
+                f"n_runs: expected enough runs to determine criterion {goal.criterion!r}, given {settings.n_runs}: the search "
                 "has found none that do"
             )
         end = _judged(search, kept, stop_reason)
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
-        evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=with_prior)
-        if all_required and evaluation.null_directions and stop_reason == "all_starts":
+        evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
+        if goal.requires_all and evaluation.null_directions and stop_reason == "all_starts":
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     scenarios = None
-    if settings.over is not None:
+    if goal.over is not None:
         of_each = [
-            evaluate_design(moved, runs, threads=threads, previous=previous, prior_information=with_prior) for moved in problems
+            evaluate_design(moved, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
+            for moved in problems
         ]
         of_mean = None  # of F as in (7)
-        if criterion != "D":
-            aim = search.objective.aims[0]
-            of_mean = end.value - aim.level * aim.criterion.degree * float(np.log(evaluation.n_points / 2))
+        if goal.criterion != "D":
+            criterion = search.objective.criteria[0]
+            of_mean = end.value - criterion.level * criterion.degree * float(np.log(evaluation.n_points / 2))
         scenarios = scenario_values(problems, average, of_each, of_mean)
     return RunDesign(
         problem=problem,
@@ -302,7 +271,7 @@ def _known_there(
 def _matrix(problem: DesignProblem, information: PointInformation, threads: int) -> Array:
     """F (p, p) of points and runs."""
     if information.assumed is not None:  # points have D of their own
-        white = criterion(problem, information, threads).prepare(information).sensitivity.reshape(-1, problem.n_unknowns)
+        white = output_covariance(problem, information, threads).prepare(information).sensitivity.reshape(-1, problem.n_unknowns)
         return np.asarray(white.T @ white)
     rows, measured = information.sensitivity, information.measured
     rows = rows if measured is None else np.where(measured[:, :, None], rows, 0.0)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ..average import Average
-from ..optimality.aims import log_det_slopes
+from ..optimality.determinant import log_det_slopes
 from .run_margins import WEIGHT
 
 ITERATIONS, PAIRS = 50, 20

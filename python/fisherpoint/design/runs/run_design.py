@@ -26,8 +26,8 @@ from ...points.runs import Runs
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
 from ..optimality.criteria import Criterion
-from ..optimality.goal import criterion_of_design
-from ..over_prior import OverPrior
+from ..optimality.goal import GOAL_CODEC, GOAL_INSIDE
+from ..optimality.goal_criterion import criterion_of_design
 from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
 from ..settings import RunSettings
 from ..settings_section import settings_section
@@ -98,7 +98,7 @@ class RunDesign(Shown, Kept):
     n_kept: int = 0
     ridge: float = 0.0
 
-    _INSIDE = (RunSettings, Feasibility)
+    _INSIDE = (RunSettings, *GOAL_INSIDE, Feasibility)
     _EXTENTS: ClassVar[Extents] = {
         "runs.x0": ("n", "problem.model.states"),
         "runs.u": ("n", "segments", "problem.model.inputs"),
@@ -113,14 +113,14 @@ class RunDesign(Shown, Kept):
         Runs: (points_to_json, runs_from_json),
         Experiments: (points_to_json, points_from_json),
         Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
-        OverPrior: (OverPrior.to_json, OverPrior.from_json),
+        **GOAL_CODEC,
         ScenarioValues: (scenario_values_to_json, lambda data: scenario_values_from_json(data, tuple(data["standard_errors"]))),
     }
 
     @cached_property
     def criterion(self) -> Criterion:
         """The criterion as a function of information matrices; where F is singular, "A", "E" and "ME" are of the rest."""
-        return criterion_of_design(self.problem, self.settings, self.evaluation)
+        return criterion_of_design(self.problem, self.settings.goal, self.evaluation)
 
     def _check_content(self) -> None:
         _ = self.criterion
@@ -138,7 +138,7 @@ class RunDesign(Shown, Kept):
     @property
     def feasible(self) -> bool:
         """Whether at least the required share of the plants can run the design, of those that `feasibility` has tried."""
-        return self.settings.confidence is None or self.feasibility.share >= self.settings.confidence
+        return self.feasibility.share >= (self.settings.goal.confidence or 0.0)
 
     def report(self) -> Report:
         """Runs, parameters, what plants can run them, and the search as tables."""

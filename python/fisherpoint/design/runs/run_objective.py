@@ -22,7 +22,7 @@ from ...points.runs import Runs
 from ...points.settings import Integration
 from ...points.status import Status
 from ..average import Average
-from ..optimality.aims import Aim
+from ..optimality.criteria import Criterion
 from .run_clock import Clock
 from .run_margins import RunMargins, costs_of
 
@@ -77,7 +77,7 @@ class RunObjective:
         Over these.
     previous : ndarray, (R, p, p)
         Information that is there without the runs.
-    aims : sequence of Aim
+    criteria : sequence of Criterion
         What is maximised on each plant.
     settings : Integration
         Of the trajectories.
@@ -101,13 +101,13 @@ class RunObjective:
         plants: Array,
         average: Average,
         previous: Array,
-        aims: Sequence[Aim],
+        criteria: Sequence[Criterion],
         settings: Integration,
         clock: Clock | None = None,
     ) -> None:
         self.clock = Clock(None) if clock is None else clock
         self.problem, self.coordinates, self.plants, self.previous = problem, coordinates, plants, previous
-        self.average, self.aims = average, tuple(aims)
+        self.average, self.criteria = average, tuple(criteria)
         self.kappa, self.looks, self.settings = 0.0, LOOKS, settings
         self.margins, self.work = RunMargins(problem), 0
         native = problem.model.in_core
@@ -163,7 +163,7 @@ class RunObjective:
 
         -inf where an F that counts is singular, or does not determine the criterion.
         """
-        return self.average.value(np.stack([aim.values(total[..., s, :, :]) for s, aim in enumerate(self.aims)]))
+        return self.average.value(np.stack([one.objectives(total[..., s, :, :]) for s, one in enumerate(self.criteria)]))
 
     def of(self, judged: Judged) -> float:
         """The criterion of runs together, less their costs."""

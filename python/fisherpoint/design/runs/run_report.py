@@ -16,14 +16,13 @@ from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
-from ..criterion_report import goal_facts, goal_text, maximised
+from ..criterion_report import goal_facts
 from ..efficiency import d_efficiency
 from ..optimality.criteria import Criterion
-from ..optimality.goal import CriterionSettings
-from ..over_prior import OverPrior
 from ..over_report import over_sections
 from ..report import plants_sections
 from ..scenario_values import ScenarioValues
+from ..settings import RunSettings
 from ..singular_report import ridge_facts
 from .run_tables import divided, runs_tables
 
@@ -32,17 +31,6 @@ REASONS = 4
 
 OF_MEAN, OF_SUM = "F as in (7)", "F summed over samples"
 """How a log det F is scaled: in the report of an evaluation, and in this one."""
-
-
-class Settings(CriterionSettings, Protocol):
-    @property
-    def n_starts(self) -> int: ...
-    @property
-    def confidence(self) -> float | None: ...
-    @property
-    def over(self) -> OverPrior | None: ...
-    @property
-    def prior_information(self) -> bool: ...
 
 
 class HasRuns(Protocol):
@@ -60,7 +48,7 @@ class Reported(HasRuns, Protocol):
     """What the report needs."""
 
     @property
-    def settings(self) -> Settings: ...
+    def settings(self) -> RunSettings: ...
     @property
     def criterion(self) -> Criterion: ...
     @property
@@ -102,11 +90,11 @@ def run_report(design: Reported) -> Report:
     samples = counted(int(runs.measured.sum()), "sample")
     headline = (
         f"{counted(len(runs), 'run')} with {samples} for {problem.model.name}, {counted(len(parameters), 'parameter')} to estimate"
-        f"{goal_text(design)}"
+        f"{design.settings.goal.headline}"
     )
     inner = design.evaluation.report()
-    plants = plants_sections(design.feasibility, design.settings.confidence)
-    over = [part for one in over_sections(design, maximised(design)) for part in (divided(one) if one.columns else [one])]
+    plants = plants_sections(design.feasibility, design.settings.goal.share_of_plants)
+    over = [part for one in over_sections(design) for part in (divided(one) if one.columns else [one])]
     facts = list(goal_facts(design))
     goal = [Section("Goal", (), facts)] if facts else []
     parameter_table, *criterion = inner.sections
@@ -139,7 +127,7 @@ def _summed(section: Section, evaluation: Evaluation) -> Section:
 def _known(design: Reported) -> Iterator[Section]:
     """How good the design is for all that is known, where designs of points have a certificate."""
     facts = [("bound", "none is proven: better runs may exist, and more starts may find them")]
-    finite, name = {one: value for one, value in design.classical.items() if np.isfinite(value)}, design.settings.criterion
+    finite, name = {one: value for one, value in design.classical.items() if np.isfinite(value)}, design.settings.goal.criterion
     if finite and np.isfinite(design.log_det):
         best = max(finite, key=lambda one: finite[one])
         efficiency = d_efficiency(finite[best], design.log_det, design.criterion.level)
@@ -152,7 +140,7 @@ def _known(design: Reported) -> Iterator[Section]:
 def _search(design: Reported) -> Section:
     reasons = {"all_starts": "the usual one", "time_limit": "the time was up", "interrupted": "interrupted"}
     singular = not np.isfinite(design.log_det)
-    what = f"{maximised(design)}, sum over samples"
+    what = f"{design.settings.goal.maximised}, sum over samples"
     facts = [
         (what, "-inf: singular" if singular else computed(design.log_det, 6)),
         ("starts", f"{len(design.ends)} of {design.settings.n_starts}"),
@@ -166,7 +154,7 @@ def _search(design: Reported) -> Section:
     values = ", ".join(computed(end, 5) for end in others[:8]) + (" ..." if len(others) > 8 else "")
     why = sorted(design.rejected.items(), key=lambda one: -one[1])[:REASONS]
     notes = [f"Those that do not: {', '.join(f'{reason} {count}' for reason, count in why)}."] if why else []
-    note = f"Starts ended, or were left behind, at {maximised(design)} = {values}."
+    note = f"Starts ended, or were left behind, at {design.settings.goal.maximised} = {values}."
     if len(others) < len(design.ends):
         note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
     return Section("Search", (), facts, notes=[*notes, *([] if singular or not others else [note])])
@@ -185,13 +173,18 @@ def _classical(design: Reported) -> Iterator[Section]:
         "The best of a hundred random ones of each kind at the prior mean, or of fewer where they are long. They may have more"
         " information than the design where fewer plants can run them."
     )
-    columns = ("inputs", f"{maximised(design)}, sum", f"{design.settings.criterion}-efficiency", "plants that can")
+    columns = (
+        "inputs",
+        f"{design.settings.goal.maximised}, sum",
+        f"{design.settings.goal.criterion}-efficiency",
+        "plants that can",
+    )
     yield Section("Beside classical runs", columns, rows, notes=[note])
 
 
 def _warnings(design: Reported) -> Iterator[str]:
     if not design.feasible:
-        required = percent(design.settings.confidence or 0.0)
+        required = percent(design.settings.goal.share_of_plants or 0.0)
         yield (
             f"Only {percent(design.feasibility.share)} of the plants that the prior allows can run this design, where {required}"
             " was required: shorten the runs, narrow the region, or give the search more starts."
@@ -201,9 +194,9 @@ def _warnings(design: Reported) -> Iterator[str]:
     elif design.again == 1 and len(design.ends) > 1:
         yield "Only one start came to this design: there may be a better one. Run more starts (n_starts) to check."
     evaluation = design.evaluation
-    if evaluation.rank < len(evaluation.parameters) and design.settings.criterion != "D":
+    if evaluation.rank < len(evaluation.parameters) and design.settings.goal.criterion != "D":
         yield (
-            f"F is singular: the runs determine criterion {design.settings.criterion}, but not all parameters. What is"
+            f"F is singular: the runs determine criterion {design.settings.goal.criterion}, but not all parameters. What is"
             " left open stands beside the criterion."
         )
     elif evaluation.rank < len(evaluation.parameters):

@@ -22,8 +22,9 @@ from ...information.run_information import run_rows
 from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
 from ..average import Average
-from ..optimality.aims import Aim
-from ..optimality.estimability import RUNS, restricted_aims
+from ..optimality.criteria import Criterion
+from ..optimality.estimability import RUNS, restricted_criteria
+from ..settings import RunSettings
 from .run_climb import Climb
 from .run_clock import Clock, OutOfTime
 from .run_found import Found
@@ -76,17 +77,15 @@ class RunSearch:
     ----------
     problem : DesignProblem
     region : RunRegion
-    n_runs : int
+    settings : RunSettings
     plants : ndarray, (R, p)
         Parameters of the model over which log det F is averaged.
     average : Average
         How.
     previous : ndarray, (R, p, p)
-    aims : sequence of Aim
+    criteria : sequence of Criterion
         What is maximised on each plant.
-    confidence : float or None
-        Share of the prior's plants that must be able to run the design.
-    n_starts, n_candidates, seed, threads : int
+    threads : int
     clock : Clock
     kept : Runs, optional
         Runs that plants have to be able to run too; their information is in `previous`.
@@ -105,41 +104,39 @@ class RunSearch:
         self,
         problem: DesignProblem,
         region: RunRegion,
-        n_runs: int,
+        settings: RunSettings,
         plants: Array,
         average: Average,
         previous: Array,
-        aims: Sequence[Aim],
+        criteria: Sequence[Criterion],
         *,
-        confidence: float | None,
-        n_starts: int,
-        n_candidates: int,
-        seed: int,
         threads: int,
         clock: Clock,
         kept: Runs | None = None,
     ) -> None:
-        self.clock, self.seed, self.threads, self._confidence = clock, seed, threads, confidence
-        self.problem, self.region, self.n_runs, self.n_starts = problem, region, n_runs, n_starts
+        self.problem, self.region, self.clock, self.threads = problem, region, clock, threads
+        self.n_runs = n_runs = settings.n_runs - (0 if kept is None else len(kept))
+        self.n_starts, self.seed = settings.n_starts, settings.seed
+        self._share_of_plants = settings.goal.share_of_plants
         self.coordinates: RunCoordinates = region.coordinates(problem.model)
         self._settings = problem.integration(threads)
         finer = self._settings._replace(rtol=min(self._settings.rtol, FINE))
-        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, aims, finer, clock)
-        self._rng = np.random.default_rng(seed)
-        of_search = RunPlants(problem, PLANTS, np.random.default_rng([seed, 1]), self._settings)
-        self.guard = RunGuard(of_search, confidence, kept, clock)
+        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, criteria, finer, clock)
+        self._rng = np.random.default_rng(self.seed)
+        of_search = RunPlants(problem, PLANTS, np.random.default_rng([self.seed, 1]), self._settings)
+        self.guard = RunGuard(of_search, self._share_of_plants, kept, clock)
         self._climbs: list[Climb] = []
         self.classical: dict[str, Found] = {}
         self._found: list[Found] = []
-        wanted = max(4 * n_runs, 20, min(n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
+        wanted = max(4 * n_runs, 20, min(settings.n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
         clock.share = SHARES_OF_TIME[0]
         self.pool = RunPool(self.objective, wanted, self._rng)
         clock.share = 1.0
-        self.singular = self.pool.singular and aims[0].of_all
+        self.singular = self.pool.singular and criteria[0].of_all
         if self.singular:
             self.objective.previous = self.objective.previous + RIDGE * np.eye(previous.shape[-1])
-        elif not aims[0].of_all:
-            self.objective.aims, _ = restricted_aims(problem, aims, self.pool.rows, previous, n_runs, "estimable", RUNS)
+        elif not criteria[0].of_all:
+            self.objective.criteria, _ = restricted_criteria(problem, criteria, self.pool.rows, previous, n_runs, "estimable", RUNS)
 
     @property
     def best(self) -> Found:
@@ -201,7 +198,7 @@ class RunSearch:
 
     def _easy(self) -> bool:
         """Whether enough plants can run the best single runs of the pool as they are: then limits hardly matter."""
-        if self._confidence is None or not self.objective.margins.exist:
+        if self._share_of_plants is None or not self.objective.margins.exist:
             return True
         return all(self.guard.enough(share) for share in self.guard.each(self.pool.best(LOOKED_AT)))
 
@@ -257,7 +254,7 @@ class RunSearch:
         share = self.guard.share(planned)
         enough = self.guard.enough(share)
         regular = bool(np.isfinite(value))
-        if regular and self.objective.aims[0].of_all:
+        if regular and self.objective.criteria[0].of_all:
             regular = determine_all(judged.matrices.sum(axis=0) + self.objective.previous)
         worth = value - SHORT * max(0.0, self.guard.short(share)) * (not enough)
         return Found(z, selected, value, share, enough, regular, (regular, enough, worth))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.run_tangents import RunTangents, tangents_from
 from ...points.status import Status
-from ..optimality.aims import slopes_of
+from ..optimality.determinant import slopes_of
 from .linear_rows import LinearRows
 from .run_objective import RunObjective
 
@@ -98,7 +98,7 @@ def linear_rows(
         objective.average,
         objective.kappa,
         variable,
-        partial(slopes_of, objective.aims),
+        partial(slopes_of, objective.criteria),
     )
 
 

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...points.runs import Runs
-from ..optimality.aims import LogDet
 from .run_objective import RunObjective
 
 ROUNDS_OF_WEIGHTS = 100
@@ -64,9 +63,11 @@ def _gains(objective: RunObjective, f: Array, total: Array) -> Array:
 
     Where a criterion sees only what is known worst, those of log det F are the better start of an exchange.
     """
-    if isinstance(objective.aims[0], LogDet) or objective.aims[0].bounded:
+    if objective.criteria[0].plain or objective.criteria[0].bounded:
         return np.asarray(np.trace(np.linalg.solve(total, f), axis1=-2, axis2=-1).mean(axis=-1))
-    slopes = [aim.slope(matrix, np.eye(len(matrix))) for aim, matrix in zip(objective.aims, total, strict=True)]
+    slopes = [
+        criterion.objective_slope(matrix, np.eye(len(matrix))) for criterion, matrix in zip(objective.criteria, total, strict=True)
+    ]
     gradients, values = np.stack([by for _, by in slopes]), np.array([value for value, _ in slopes])
     along = np.einsum("lnrij,rij,r->ln", f, gradients, objective.average.parts(values) / len(values), optimize=True)
     return np.asarray(np.sqrt(np.maximum(along, 0.0)))
