@@ -62,7 +62,8 @@ class Additions {
   }
 
  private:
-  static constexpr double alike = 1e-9;
+  // Beside a root's surface rates are known no better, as states are rounded by so much of the height there.
+  static constexpr double alike = 1e-9, alike_beside_roots = 1e-3;
 
   State rates(const Side& side) const {
     State dx;
@@ -77,16 +78,17 @@ class Additions {
 
   void compare(int a, int b, const Retyped<Side, Mask>& on) {
     State off = rates(with(with(plus_, jumps[a], on), jumps[b], on));
+    const double share = f_.dependence.steep(jumps[a]) || f_.dependence.steep(jumps[b]) ? alike_beside_roots : alike;
     for_each_index(f_.states, [&](auto i) {
       const P sum = base_[i] - d_[a][i] - d_[b][i], size = abs(base_[i]) + abs(d_[a][i]) + abs(d_[b][i]) + abs(off[i]);
       off[i] -= sum;
-      f_hangs_together = f_hangs_together | (on[jumps[a]] & on[jumps[b]] & !(abs(off[i]) <= alike * size));
+      f_hangs_together = f_hangs_together | (on[jumps[a]] & on[jumps[b]] & !(abs(off[i]) <= share * size));
     });
     const Surfaces more = f_.surface_rates(off_.at(plus_), off);
     for (const int m : jumps) {
       P size = abs(up[m]);
       for (const Surfaces& of : growth) size += abs(of[m]);
-      rates_hang_together = rates_hang_together | (on[jumps[a]] & on[jumps[b]] & on[m] & !(abs(more[m]) <= alike * size));
+      rates_hang_together = rates_hang_together | (on[jumps[a]] & on[jumps[b]] & on[m] & !(abs(more[m]) <= share * size));
     }
   }
 

@@ -25,6 +25,7 @@ class SteepTangents {
   static constexpr int most_steps = 2000;
   // Shares of what states of their natural sizes make of h: nearer than this rounding counts, or at rest.
   static constexpr double nearest = 1e-11;
+  static constexpr double least_move = 1e-16;  // what moves by less stays where it is
   static constexpr std::array nodes = {0.0694318442029737, 0.3300094782075719, 0.6699905217924281, 0.9305681557970263};
   static constexpr std::array weights = {0.1739274225687269, 0.3260725774312731, 0.3260725774312731, 0.1739274225687269};
 
@@ -58,13 +59,17 @@ class SteepTangents {
     Mask lanes = size > P(0.0);
     if (!any(lanes)) return;
     P left = select(lanes, max(size + lag_, P(0.0)), P(0.0));
-    lag_ = select(lanes, P(0.0), lag_);
+    lag_ = select(lanes, size + lag_ - left, lag_);
     // Where it is held there, S is taken onto the surface behind this step.
     const Mask held = holds(lanes, side, behind);
     Met met = look(lanes, side, behind, behind);
     const Mask rests = lanes & !held & (abs(met.value) <= nearest * met.size) & (abs(met.rate) * size <= nearest * met.size);
-    if (any(rests)) {  // it lies there, and something else is to move it
-      to_.advance(select(rests, left, P(0.0)), side);
+    if (any(rests)) {  // it lies there, or is there too shortly to move
+      const Mask moves = rests & (abs(met.rate) * left > least_move * met.size), falls = met.rate < P(0.0);
+      add_up(select(moves & falls, left, P(0.0)), -1.0, met.rates, side);
+      add_up(select(moves & !falls, left, P(0.0)), 1.0, met.rates, side);
+      for (int i = 0; i < f_.states; ++i) to_.x[i] += select(moves, left, P(0.0)) * met.rates[i];
+      to_.advance(select(rests & !moves, left, P(0.0)), side);
       lanes = lanes & !rests;
     }
     // It may begin on such a surface and end there, as where b of max(x, 0)^b is 1.
@@ -92,7 +97,7 @@ class SteepTangents {
     for (int i = 0; i < f_.states; ++i) to_.x[i] += rest * met.rates[i];
     add_up(select(falls & !stops, rest, P(0.0)), -1.0, met.rates, side);
     if (any(stops)) settle(stops, met);
-    lag_ = select(lanes, left - rest, lag_);
+    lag_ += select(lanes, left - rest, P(0.0));
   }
 
   // A step off the surfaces whose sides differ on the steps before it.
@@ -176,8 +181,9 @@ class SteepTangents {
     // From a limit, of which there is no gradient, it has moved after any time.
     const P reach = select(met.size > P(0.0), nearest * met.size / abs(met.rate), P(0.0));
     const Mask moves = reach < 0.1 * whole;
-    const P first = select(moves, max(reach, 1e-11 * whole), P(0.0));
-    if (any(moves)) {
+    const Mask at_once = !moves & (met.rate * whole > least_move * met.size);  // in all of the time it moves no further
+    const P first = select(moves, max(reach, 1e-11 * whole), select(at_once, whole, P(0.0)));
+    if (any(moves | at_once)) {
       add_up(first, 1.0, met.rates, side);
       for (int i = 0; i < f_.states; ++i) to_.x[i] += first * met.rates[i];
     }
