@@ -49,4 +49,4 @@ def test_a_record_names_what_differs(tmp_path: Path) -> None:
     digests["simulate from equations"]["[y]"] = "0"
     before.write_text(json.dumps(digests))
     changed = record(after, "--only", "simulate from", "--against", before)
-    assert changed.returncode == 1 and "simulate from equations: 1 of 3 differ: [y]" in changed.stdout
+    assert changed.returncode == 1 and "simulate from equations: 1 of 4 differ: [y]" in changed.stdout

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from itertools import islice
+from pathlib import Path
+from types import FrameType
 from typing import Any
+
+PACKAGE = str(Path(__file__).resolve().parents[1])
 
 SHOWN = 60
 """Characters of a value."""
@@ -40,3 +45,12 @@ def shortened(text: object, most: int = SHOWN) -> str:
     """A text that is part of a message, cut to `most` characters."""
     text = printable(str(text)[: most + 1])
     return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def stacklevel_of_user() -> int:
+    """The `stacklevel` by which a warning of the calling function names the user's line: the first outside the package."""
+    frame: FrameType | None = sys._getframe(1)
+    level = 1
+    while frame is not None and frame.f_code.co_filename.startswith(PACKAGE):
+        frame, level = frame.f_back, level + 1
+    return level

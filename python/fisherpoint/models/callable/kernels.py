@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.messages import stacklevel_of_user
 from ...basics.values import Array, IntArray
 from ...engine import _core
 from .core import CallableCore
@@ -113,7 +114,7 @@ def _warn_of_sensitivities(model: CallableCore, by_complex_step: bool, p: int, s
     what = (
         f"1 integration of {model.n_x * (p + 1)} states per point, with {(p if by_complex_step else 2 * p) + 1} rows per evaluation"
     )
-    _warn(model, f"sensitivities by {kind}", what, seconds, stacklevel=6)
+    _warn(model, f"sensitivities by {kind}", what, seconds)
 
 
 def simulate_runs(
@@ -267,7 +268,7 @@ def _rows(theta: Array, count: int) -> Array:
     return np.broadcast_to(theta, (count, theta.shape[-1]))
 
 
-def _warn(model: CallableCore, what: str, cost: str, seconds: float, stacklevel: int = 5) -> None:
+def _warn(model: CallableCore, what: str, cost: str, seconds: float) -> None:
     """Say once for each kind of result what it costs."""
     kind = what.split(" by ")[0]
     if kind in model.warned:
@@ -277,5 +278,5 @@ def _warn(model: CallableCore, what: str, cost: str, seconds: float, stacklevel:
     warnings.warn(
         f"CallableModel {model.name!r}: {what}: {cost}, {1e3 * seconds:.3g} ms per point; {advice}",
         UserWarning,
-        stacklevel=stacklevel,
+        stacklevel=stacklevel_of_user(),
     )
