@@ -183,7 +183,8 @@ void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_va
   });
   const Mask slid = any_slides<P>(f_, side_) & !several;
   for_each_index(f_.jumps_end, f_.kinks_end, [&](auto m) {
-    const Mask along = slid & !slides(side_[m]) & at.coincides(m, end_value_[m], end_rate_[m], step_);
+    const Mask along =
+        slid & !slides(side_[m]) & at.coincides(m, end_value_[m], end_rate_[m], step_, [&] { return noise_of(m, end_); });
     for (P* const number : {&value_[m], &rate_[m], &middle_value[m], &end_value_[m], &end_rate_[m]})
       *number = select(along, P(0.0), *number);
   });

@@ -65,10 +65,11 @@ class BothSides {
   }
 
   // Where surface m, which has this value and rate on the slide, is zero with the one that is slid on: a saturation beside its
-  // clamp. Also where the slide has ended, and both of its rates have one sign.
-  auto coincides(auto m, const P& value, const P& rate, const P& step) const {
+  // clamp. Also where the slide has ended, and both of its rates have one sign. `noise()` is the rounding of its value.
+  auto coincides(auto m, const P& value, const P& rate, const P& step, auto&& noise) const {
     const P part = 1e-9 * (abs(up[m]) + abs(down[m]));
-    return (abs(up[m] - down[m]) > part) & (abs(rate) <= part) & (abs(value) <= step * part);
+    const auto moves_along = (abs(up[m] - down[m]) > part) & (abs(rate) <= part), on = abs(value) <= step * part;
+    return any(moves_along & !on) ? moves_along & (on | (abs(value) <= noise())) : moves_along & on;
   }
 
   // Where f is the same on both, to rounding.
