@@ -57,7 +57,7 @@ auto Integrator<Equation, Method>::meet_steep(auto m, const Mask& lanes, const S
   side_[m] = select(leaves, towards, side_[m]);
   turns_ += select(held | leaves, P(1.0), P(0.0));
   if (steps_ && any(held)) {  // a distance that falls like the square of the time that is left
-    const double height = std::sqrt(hold_height * std::max(0.1 * tolerance_.relative, least_told_apart));
+    const double height = std::sqrt(hold_height * std::max(0.1 * tolerance_.relative, least_distinct_height));
     const P instant = (2.0 * height) * natural_height(f_, m, y) / max(abs(near.rate[0]), abs(near.rate[1]));
     holds_.push_back({steps_->size(), select(held, instant, P(0.0))});
   }

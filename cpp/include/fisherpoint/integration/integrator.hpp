@@ -51,7 +51,7 @@ class Integrator {
     std::size_t step;
     P which, surface;
   };
-  // That a steep surface holds lanes from this step on, and how long before it was not to be told from there.
+  // A steep surface holds lanes from this step on; `instant` is how long before that the tolerance does not see the distance.
   struct Held {
     std::size_t step;
     P instant;

@@ -55,7 +55,7 @@ inline constexpr double on_surface = 1e-13;
 inline constexpr double hold_height = 1e-12;
 
 // A second surface that comes to hold the trajectory from below this height, or a tenth of the tolerance, does so at once.
-inline constexpr double least_told_apart = 1e-10;
+inline constexpr double least_distinct_height = 1e-10;
 
 // By how far less than it pushes back from the other side, it may even point away.
 inline constexpr double hold_margin = 1e-6;

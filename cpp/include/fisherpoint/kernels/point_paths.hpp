@@ -78,8 +78,8 @@ bool meets_jump(const auto& shape, const PointPath<M>& path) {
   return path.ends_on_jump || !path.resets.empty();
 }
 
-// The same path without what lies so shortly before surfaces begin to hold the trajectory that the tolerance cannot tell it
-// from that: they hold it from there on. So do several of which one begins a little after the other.
+// The path on which surfaces hold the trajectory as soon as the tolerance does not see its distance to them. Several surfaces
+// that begin to hold it one shortly after the other do so together.
 template <class M>
 PointPath<M> held_at_once(const auto& shape, PointPath<M> path) {
   for (std::size_t r = path.runs.size(); r-- > 1;) {
