@@ -12,7 +12,7 @@ namespace fisherpoint {
 class BoxSides {
  public:
   BoxSides(int n, std::vector<double> r0, std::vector<double> r)
-      : n_(n), r0_(std::move(r0)), r_(std::move(r)), s_(n), free_(n, true) {
+      : n_(n), r0_(std::move(r0)), r_(std::move(r)), s_(n), free_(n, true), even_(n, false) {
     for (int i = 0; i < n; ++i) {
       double size = std::abs(r0_[i]);
       for (int j = 0; j < n; ++j) size += std::abs(at(i, j));
@@ -21,6 +21,9 @@ class BoxSides {
   }
 
   double operator[](int i) const { return s_[i]; }
+
+  // Whether h of jump i does not move on its side, to rounding: as much holds it as moves it away.
+  bool even(int i) const { return even_[i]; }
 
   // Jump i is on this side whatever the rates are.
   void set(int i, double side) {
@@ -119,7 +122,9 @@ class BoxSides {
     return true;
   }
 
+  // s still is what slide() found on these sides.
   bool take(const std::vector<int>& side) {
+    for (int i = 0; i < n_; ++i) even_[i] = free_[i] && side[i] != 0 && std::abs(rate(i)) <= 2.0 * at_bound * size_[i];
     for (int i = 0; i < n_; ++i)
       if (free_[i]) s_[i] = side[i];
     return true;
@@ -157,7 +162,7 @@ class BoxSides {
 
   int n_;
   std::vector<double> r0_, r_, s_, size_;
-  std::vector<bool> free_;
+  std::vector<bool> free_, even_;
 };
 
 }  // namespace fisherpoint

@@ -385,6 +385,11 @@ class Integrator {
   [[gnu::noinline]] void start_on_jumps(const State& y, const P& duration);
   [[gnu::noinline]] void come_from(const State& y);
   [[gnu::noinline]] void go_on(const State& y, const P& duration);
+  struct Balance {
+    Mask lanes, holds, lets_go;
+    P side;  // to which f leads along the jump
+  };
+  [[gnu::noinline]] Balance balance(auto m, const Mask& lanes, const P& r_plus, const P& r_minus, const State& y);
   [[gnu::noinline]] P side_past(auto m, const State& y, const P& duration);
   void start_anew(const Mask& lanes, const State& y, const P& duration);
   [[gnu::noinline]] void keep_on_surfaces(const State& middle, Surfaces& middle_value) {
@@ -392,7 +397,7 @@ class Integrator {
     if (any_rest()) keep_resting(middle_value);
   }
   void hold(const State& middle, Surfaces& middle_value);
-  P hold_rate(const State& x, const State& rates, const P& span) const;
+  P hold_rate(const State& x, const State& rates, const P& span, const Side& side) const;
   [[gnu::noinline]] void watch_hold(const Mask& lanes, const State& y, const P& span);
   [[gnu::noinline]] Mask land_on_first(const Mask& lanes, const P& duration, P& next_cap);
   [[gnu::noinline]] void pass_jump(auto m, const Mask& lanes, const State& y);
@@ -410,7 +415,8 @@ class Integrator {
                                    Side& settled, Mask& lost) const;
   [[gnu::noinline]] void hold_several(const Mask& lanes, const State& middle, Surfaces& middle_value);
   [[gnu::noinline]] void watch_several(const Mask& lanes, const State& y, const P& span);
-  ShelfVector<P> hold_rates(const Mask& lanes, const State& x, const State& rates, const P& span) const;
+  ShelfVector<P> hold_rates(const Mask& lanes, const State& x, const State& rates, const P& span, const Side& side) const;
+  [[gnu::noinline]] Balance balance_of_several(int m, const Mask& lanes, const Side& settled, const State& y);
 
   // At rest on surfaces: rests.hpp.
   [[gnu::noinline]] void note_rests(const Mask& lanes, const State& y);
@@ -476,7 +482,7 @@ class Integrator {
   bool slide_ = false;    // any lane slides on a jump
   bool several_ = false;  // any lane slides on several
   P turns_;               // how many jumps were met
-  Retyped<Side, Mask> leaving_;  // a slide on this jump has just ended
+  Retyped<Side, Mask> leaving_;  // a slide on this jump has just ended, or begins with no more than what holds it
   Retyped<Side, Mask> resting_;  // the trajectory lies on this surface, which does not move on the side where it is
   bool any_rest_ = false;
   P span_, first_try_;  // the duration, and the size of the first step that is tried

@@ -69,19 +69,47 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
     Side held = side_;
     held[m] = select(here, P(0.0), side_[m]);
     const BothSides<Equation> at(f_, y, held);
-    const Mask up = here & (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)),
-               down = here & (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
-    const Mask below = here & (at.r_plus < P(0.0)) & moves_none(m, at.r_minus, y),
-               above = here & (at.r_minus > P(0.0)) & moves_none(m, at.r_plus, y), along = here & at.holds() & !below & !above;
-    const Mask smooth = at.alike(f_) & here, stays = smooth & !(up | down | below | above | along);
-    side_[m] = select(up | above, P(1.0), select(down | below, P(-1.0), select(along, P(0.0), side_[m])));
+    const Balance even = balance(m, here, at.r_plus, at.r_minus, y);
+    const Mask up = here & !even.lanes & (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)),
+               down = here & !even.lanes & (at.r_plus < P(0.0)) & (at.r_minus < P(0.0)),
+               along = (here & !even.lanes & at.holds()) | even.holds;
+    const Mask smooth = at.alike(f_) & here, stays = smooth & !(up | down | even.lanes | along);
+    side_[m] = select(even.lanes & !even.holds, even.side, side_[m]);
+    side_[m] = select(up, P(1.0), select(down, P(-1.0), select(along, P(0.0), side_[m])));
     if (any(stays)) side_[m] = select(stays, side_past(m, y, duration), side_[m]);
-    leaving_[m] = leaving_[m] | stays;
+    leaving_[m] = leaving_[m] | stays | even.holds | even.lets_go;
     value_[m] = select(here, P(0.0), value_[m]);
-    stop(here & !(up | down | below | above | along | stays), Status::on_jump);
-    outcome_.starts_on_jump = outcome_.starts_on_jump | (here & !along & !smooth);
+    stop(here & !(up | down | even.lanes | along | stays), Status::on_jump);
+    outcome_.starts_on_jump = outcome_.starts_on_jump | (here & !along & !even.lets_go & !smooth);
   });
   start_anew(on, y, duration);
+}
+
+// Of lanes that are on jump m: where f leads onto it from one side, and along it on the other, to rounding, as where a force is
+// that at which friction breaks off. How that changes decides: the jump holds them, or lets them go to the other side. Where it
+// does not change they rest on that side.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::balance(auto m, const Mask& lanes, const P& r_plus, const P& r_minus, const State& y)
+    -> Balance {
+  const P zero(0.0);
+  const auto none = [&](const P& rate, const P& other) {
+    return (abs(rate) <= alike_rates * abs(other)) | moves_none(m, rate, y);
+  };
+  const Mask up = lanes & (r_minus > zero) & none(r_plus, r_minus),
+             down = lanes & !up & (r_plus < zero) & none(r_minus, r_plus);
+  Balance found{up | down, Lanes::none(), Lanes::none(), select(up, P(1.0), P(-1.0))};
+  if (!any(found.lanes)) return found;
+  Side held = side_;
+  held[m] = select(found.lanes, zero, side_[m]);
+  const BothSides<Equation> at(f_, y, held);
+  State rates;
+  fit(rates, f_.states);
+  for_each_index(f_.states, [&](auto i) { rates[i] = at.sliding(i); });
+  const P step = min(span_, starting_step(y)), across = at.r_minus - at.r_plus;
+  const P change = hold_span * step * hold_rate(y, rates, step, held), seen = alike_rates * across * across;
+  found.holds = found.lanes & (change > seen);
+  found.lets_go = found.lanes & (change < -seen);
+  return found;
 }
 
 // To which side of jump m, at which f does not jump now, a trajectory goes that lies on it and does not move across it at
@@ -155,14 +183,14 @@ void Integrator<Equation, Method>::go_on(const State& y, const P& duration) {
 
 // How fast what holds a slide changes, by a central difference along the trajectory.
 template <class Equation, class Method>
-auto Integrator<Equation, Method>::hold_rate(const State& x, const State& rates, const P& span) const -> P {
+auto Integrator<Equation, Method>::hold_rate(const State& x, const State& rates, const P& span, const Side& side) const -> P {
   State before = x, after = x;
   const P by = hold_span * span;
   for_each_index(f_.states, [&](auto i) {
     before[i] -= by * rates[i];
     after[i] += by * rates[i];
   });
-  return (BothSides<Equation>(f_, after, side_).hold() - BothSides<Equation>(f_, before, side_).hold()) / (2.0 * by);
+  return (BothSides<Equation>(f_, after, side).hold() - BothSides<Equation>(f_, before, side).hold()) / (2.0 * by);
 }
 
 // Of a step's end on a slide: back onto the surface, off which rounding and the step's error have brought it. What is watched
@@ -172,7 +200,7 @@ void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_va
   const Mask several = several_ ? several_slides<P>(f_, side_) & running_ : Lanes::none();
   if (any(several)) hold_several(several, middle, middle_value);
   const BothSides<Equation> at(f_, end_, side_), half(f_, middle, side_);
-  const P rate = hold_rate(end_, stage_[last], step_);
+  const P rate = hold_rate(end_, stage_[last], step_, side_);
   for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const Mask on = slides(side_[m]) & !several;
     const P back = select(on & at.holds(), end_value_[m] / (at.r_plus - at.r_minus), P(0.0));
@@ -209,10 +237,10 @@ void Integrator<Equation, Method>::watch_hold(const Mask& lanes, const State& y,
   const Mask several = several_ ? several_slides<P>(f_, side_) & lanes : Lanes::none();
   if (any(several)) watch_several(several, y, span);
   const BothSides<Equation> at(f_, y, side_);
-  const P rate = hold_rate(y, stage_[0], span);
+  const P rate = hold_rate(y, stage_[0], span, side_);
   for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const Mask on = lanes & slides(side_[m]) & !several;
-    value_[m] = select(on, at.hold(), value_[m]);
+    value_[m] = select(on, select(leaving_[m], max(at.hold(), P(0.0)), at.hold()), value_[m]);
     rate_[m] = select(on, rate, rate_[m]);
   });
 }
@@ -262,8 +290,9 @@ void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const St
     rate[which] = f_.surface_rates(y, rates)[m];
   }
   const P before = side * select(side > zero, rate[0], rate[1]), behind = side * select(side > zero, rate[1], rate[0]);
-  const Mask comes = arrives & (before < zero), rests = comes & moves_none(m, behind, y);
-  Mask through = comes & ((behind < zero) | rests), held = comes & (behind > zero) & !rests;
+  const Mask comes = arrives & (before < zero);
+  const Balance even = balance(m, comes, rate[0], rate[1], y);
+  Mask held = (comes & (behind > zero) & !even.lanes) | even.holds, through = comes & !held & ((behind < zero) | even.lanes);
   if (f_.resets > 0) {  // which are at once, whatever f is behind
     const Mask anew = sets_anew(m, comes, y);
     through = through | anew;
@@ -272,7 +301,7 @@ void Integrator<Equation, Method>::pass_jump(auto m, const Mask& lanes, const St
   stop(arrives & !(through | held), Status::grazes_jump);
   side_[m] = select(through, -side, select(held, zero, side));
   side_[m] = select(leaves, select(abs(rate[0]) < abs(rate[1]), P(1.0), P(-1.0)), side_[m]);
-  leaving_[m] = leaving_[m] | leaves;
+  leaving_[m] = leaving_[m] | leaves | (even.holds & held) | (even.lets_go & through);
   turns_ += select(lanes, P(1.0), zero);
   see_slides();
 }
@@ -287,12 +316,23 @@ void Integrator<Equation, Method>::check_slides(const Mask& lanes, const State& 
     settle_sides(several, none, y, span, otherwise);
   }
   const BothSides<Equation> at(f_, y, side_);
-  const Mask up = (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)), down = (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
-  stop(one & any_slides<P>(f_, side_) & !(at.holds() | up | down), otherwise);
-  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
+  Mask lost = one & any_slides<P>(f_, side_) & !at.holds();
+  for_each_index(Count<0>{}, f_.jumps_end, [&](auto m) {
     const Mask here = one & slides(side_[m]);
+    if (!any(here)) return;
+    const Balance even = balance(m, here, at.r_plus, at.r_minus, y);
+    lost = lost & !even.lanes;
+    side_[m] = select(even.lanes & !even.holds, even.side, side_[m]);
+    leaving_[m] = leaving_[m] | even.holds | even.lets_go;
+    if (otherwise == Status::on_jump)
+      outcome_.starts_on_jump = outcome_.starts_on_jump | (even.lanes & !even.holds & !even.lets_go);
+  });
+  const Mask up = (at.r_plus > P(0.0)) & (at.r_minus > P(0.0)), down = (at.r_plus < P(0.0)) & (at.r_minus < P(0.0));
+  for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
+    const Mask here = lost & slides(side_[m]);
     side_[m] = select(here & up, P(1.0), select(here & down, P(-1.0), side_[m]));
   });
+  stop(lost & !(up | down), otherwise);
   see_slides();
 }
 

@@ -181,8 +181,41 @@ auto Tangents<M, P, Method>::pass_jump(auto m, const mask_of_lanes<P>& here, con
   State rate_ahead = rate;
   rates(ahead, before, rate_ahead);
   const P bend = abs(growth(f_.jump(m, ahead), rate_ahead) - fall) / span;
+  if (const Mask there = rests & jumps; any(there)) note_balance(h, there, after, span, fall);
   in_time(-time, after);
   return goes_through & jumps & !leaves_rest & !(fall * fall > graze * tolerance_ * size * bend);
+}
+
+// Of lanes that have come to rest on a jump, which led onto it by `fall`: whether that hangs on theta, as where a force is just
+// what friction bears. They then move on for some theta and do not for others. `span`: a moment, after which it may be lost
+// anyway.
+template <class M, class P, class Method>
+void Tangents<M, P, Method>::note_balance(const JumpGradient<M, P>& h, const Mask& lanes, const Side& after, const P& span,
+                                          const P& fall) {
+  see_slides(after);
+  State rate, ahead, column;
+  fit_all_two(rate, ahead);
+  fit(column, f_.states);
+  linearise_briefly(x, after, P(1.0), rate, 0);
+  for_each_index(f_.states, [&](auto i) { ahead[i] = x[i] + span * rate[i]; });
+  rates(ahead, after, column);
+  P change(0.0);
+  for_each_index(f_.states, [&](auto i) { change += h.by_state[i] * (column[i] - rate[i]); });
+  const Mask lasts = lanes & (abs(change) <= alike_rates * abs(fall));
+  if (!any(lasts)) return;
+  for_each_index(f_.parameters, [&](auto j) {
+    if (f_.dependence.leader(j) != j) return;
+    for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) {
+      const auto rows = f_.dependence.rows(j);
+      const P* const own = &s[f_.dependence.column_start[k]];
+      for_each_variable(rows, [&](auto i) { column[i] = own[detail::below(rows, i)]; });
+      column_rate(j, k, 0, column, rate);
+      P sum(0.0);
+      for_each_variable(rows, [&](auto i) { sum += h.by_state[i] * rate[i]; });
+      const P size = select(abs(f_.theta()[k]) > P(0.0), abs(f_.theta()[k]), P(1.0));
+      hangs_on_balance_ = hangs_on_balance_ | (lasts & (abs(sum) * size > hanging * abs(fall)));
+    }
+  });
 }
 
 // By the midpoint rule, for a time so short that the error of a jump's place is all that is left of the trajectory.

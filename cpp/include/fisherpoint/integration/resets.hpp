@@ -204,14 +204,17 @@ void Integrator<Equation, Method>::choose_sides(const Mask& lanes, const State& 
         derivative(ahead, tried, rates);
         next[which] = f_.surface_rates(ahead, rates)[m];
       }
-      const Mask up = (rate[0] > zero) & (rate[1] > zero), down = (rate[0] < zero) & (rate[1] < zero),
-                 below = (rate[0] < zero) & moves_none(m, rate[1], y), above = (rate[1] > zero) & moves_none(m, rate[0], y),
-                 held = (rate[0] < zero) & (rate[1] > zero) & !below & !above, still = !(up | down | below | above | held);
+      const Balance even = balance(m, here, rate[0], rate[1], y);
+      const Mask up = (rate[0] > zero) & (rate[1] > zero) & !even.lanes,
+                 down = (rate[0] < zero) & (rate[1] < zero) & !even.lanes,
+                 held = ((rate[0] < zero) & (rate[1] > zero) & !even.lanes) | even.holds,
+                 still = !(up | down | held | even.lanes);
       const Mask rests = still & !(abs(next[0]) > zero) & !(abs(next[1]) > zero);
       const Mask rises = still & (next[0] > zero) & (next[1] > zero);
       const P came = select(met, -side_[m], side_[m]);
-      side_[m] =
-          select(here, select(up | above | rises, P(1.0), select(down | below, P(-1.0), select(held, zero, came))), side_[m]);
+      const P other = select(even.lanes, even.side, came);
+      side_[m] = select(here, select(held, zero, select(up | rises, P(1.0), select(down, P(-1.0), other))), side_[m]);
+      leaving_[m] = leaving_[m] | even.holds | even.lets_go;
       // A mass that has lost all its velocity would fall through the stop that it lies on, and be stopped again at once.
       const Mask open = here & still & !(rests | rises);
       stop(open & met, Status::chatters);

@@ -132,6 +132,8 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
     leaving_[m] = leaving_[m] | stays[m];
   }
   Mask unsure = lanes & all.rates_hang_together, lost = Lanes::none();
+  Retyped<Side, Mask> even = met;
+  even.fill(Lanes::none());
   for (int lane = 0; lane < Lanes::width; ++lane) {
     if (!Lanes::get(lanes, lane) || Lanes::get(unsure, lane)) continue;
     ShelfVector<int> own;  // places in all.jumps
@@ -171,15 +173,26 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
     int held = 0;
     for (int i = 0; i < n && solved; ++i) {
       Lanes::set(settled[all.jumps[own[i]]], lane, sides[i]);
+      Lanes::set(even[all.jumps[own[i]]], lane, sides.even(i));
       held += sides[i] == 0.0;
     }
     // A slide on several has one f alone where their sides add to it one by one.
     if (!solved || (held > 1 && Lanes::get(all.f_hangs_together, lane))) Lanes::set(lost, lane, true);
   }
   if (any(unsure)) cross_all(unsure, all, on, settled, lost);
+  Retyped<Side, Mask> lets_go = even;
+  for (const int m : all.jumps) {
+    if (!any(even[m])) continue;
+    const Balance found = balance_of_several(m, even[m], settled, y);
+    settled[m] = select(found.holds, P(0.0), settled[m]);
+    lost = lost | (found.holds & all.f_hangs_together);
+    lets_go[m] = found.lets_go;
+    leaving_[m] = leaving_[m] | found.holds | found.lets_go;
+  }
   for (const int m : all.jumps) {
     if (at_start && m < f_.jumps_end)
-      outcome_.starts_on_jump = outcome_.starts_on_jump | (lanes & met[m] & !stays[m] & !lost & !slides(settled[m]));
+      outcome_.starts_on_jump =
+          outcome_.starts_on_jump | (lanes & met[m] & !stays[m] & !lets_go[m] & !lost & !slides(settled[m]));
     else if (m < f_.jumps_end)
       stop(on[m] & !lost & (settled[m] * side_[m] > P(0.5)), Status::grazes_jump);
     leaving_[m] = leaving_[m] | (leaves[m] & !slides(settled[m]));
@@ -187,6 +200,25 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
   }
   stop(lost, otherwise);
   see_slides();
+}
+
+// balance() of jump m where others are on these sides or slide.
+template <class Equation, class Method>
+auto Integrator<Equation, Method>::balance_of_several(int m, const Mask& lanes, const Side& settled, const State& y)
+    -> Balance {
+  Balance found{lanes, Lanes::none(), Lanes::none(), settled[m]};
+  Side held = settled;
+  held[m] = select(lanes, P(0.0), settled[m]);
+  const SeveralSlides<Equation> at(f_, y, held, lanes);
+  const P step = min(span_, starting_step(y));
+  const ShelfVector<P> rate = hold_rates(lanes, y, at.rate, step, held);
+  for (int j = 0; j < at.count(); ++j) {
+    if (at.jumps[j] != m) continue;
+    const P change = hold_span * step * rate[j], seen = alike_rates * at.across(j) * at.across(j);
+    found.holds = lanes & (change > seen);
+    found.lets_go = lanes & (change < -seen);
+  }
+  return found;
 }
 
 // The lanes that have met a jump while they are on another one, which they have met too or slide on.
@@ -206,7 +238,7 @@ auto Integrator<Equation, Method>::on_several(const Retyped<Side, Mask>& met) co
 template <class Equation, class Method>
 void Integrator<Equation, Method>::hold_several(const Mask& lanes, const State& middle, Surfaces& middle_value) {
   const SeveralSlides<Equation> at(f_, end_, side_, lanes), half(f_, middle, side_, lanes);
-  const ShelfVector<P> rate = hold_rates(lanes, end_, stage_[last], step_);
+  const ShelfVector<P> rate = hold_rates(lanes, end_, stage_[last], step_, side_);
   at.take_back(end_value_, lanes, side_, end_);
   for (int j = 0; j < at.count(); ++j) {
     const int m = at.jumps[j];
@@ -220,25 +252,25 @@ void Integrator<Equation, Method>::hold_several(const Mask& lanes, const State& 
 template <class Equation, class Method>
 void Integrator<Equation, Method>::watch_several(const Mask& lanes, const State& y, const P& span) {
   const SeveralSlides<Equation> at(f_, y, side_, lanes);
-  const ShelfVector<P> rate = hold_rates(lanes, y, stage_[0], span);
+  const ShelfVector<P> rate = hold_rates(lanes, y, stage_[0], span, side_);
   for (int j = 0; j < at.count(); ++j) {
     const int m = at.jumps[j];
     const Mask on = lanes & slides(side_[m]);
-    value_[m] = select(on, at.hold(j), value_[m]);
+    value_[m] = select(on, select(leaving_[m], max(at.hold(j), P(0.0)), at.hold(j)), value_[m]);
     rate_[m] = select(on, rate[j], rate_[m]);
   }
 }
 
 template <class Equation, class Method>
-auto Integrator<Equation, Method>::hold_rates(const Mask& lanes, const State& x, const State& rates, const P& span) const
-    -> ShelfVector<P> {
+auto Integrator<Equation, Method>::hold_rates(const Mask& lanes, const State& x, const State& rates, const P& span,
+                                              const Side& side) const -> ShelfVector<P> {
   State before = x, after = x;
   const P by = hold_span * span;
   for_each_index(f_.states, [&](auto i) {
     before[i] -= by * rates[i];
     after[i] += by * rates[i];
   });
-  const SeveralSlides<Equation> first(f_, before, side_, lanes), second(f_, after, side_, lanes);
+  const SeveralSlides<Equation> first(f_, before, side, lanes), second(f_, after, side, lanes);
   ShelfVector<P> rate;
   for (int j = 0; j < first.count(); ++j) rate.push_back((second.hold(j) - first.hold(j)) / (2.0 * by));
   return rate;

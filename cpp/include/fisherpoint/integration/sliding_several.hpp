@@ -83,6 +83,9 @@ class SeveralSlides {
     return select(own_[j] < P(0.0), product, -abs(product));
   }
 
+  // By how much the rate of its h differs between both sides.
+  P across(int j) const { return own_[j]; }
+
   // The side that opens where it does not hold any more.
   P opens(int j) const { return select(share_[j] < P(0.5), P(1.0), P(-1.0)); }
 

@@ -78,6 +78,9 @@ inline constexpr double measured_share = 10.0;
 // Of two rates of a surface, one that is below this share of the other is rounding.
 inline constexpr double alike_rates = 1e-12;
 
+// By how much of what leads onto a jump theta, taken twice, must change what holds a rest there for S to have no value.
+inline constexpr double hanging = 1e-8;
+
 // Of a step, over which it is seen how fast what holds a slide changes.
 inline constexpr double hold_span = 1e-2;
 

@@ -105,6 +105,8 @@ class Tangents {
 
   // Where S would be another one if the jumps that were met in one instant had been met in another order.
   const Mask& hangs_on_order() const { return hangs_on_order_; }
+  // Where theta decides whether it moves on from a jump on which it has come to rest.
+  const Mask& hangs_on_balance() const { return hangs_on_balance_; }
 
   // The same where states are set anew on the way (integration/resets.hpp). With t* the time of that, S + f_before dt*/dtheta
   // is what the states there vary by, which goes through the resets; behind them f_after dt*/dtheta is taken off again.
@@ -162,6 +164,8 @@ class Tangents {
   Mask pass_jump(auto m, const Mask& here, const Side& before, const Side& after);
   [[gnu::noinline]] Mask set_anew(const auto& resets, const Side& before, const Side& after);  // reset_tangents.hpp
   [[gnu::noinline]] void advance_briefly(const P& time, const Side& side);
+  [[gnu::noinline]] void note_balance(const JumpGradient<M, P>& h, const Mask& lanes, const Side& after, const P& span,
+                                      const P& fall);
 
   // Where f_x has no bounds, it counts as zero for so short a time.
   void linearise_briefly(const State& at, const Side& side, const P& time, State& rate, int s) {
@@ -355,7 +359,7 @@ class Tangents {
   ShelfVector<P> entered_;  // S before the last slide
   // Squared estimates, summed over the steps, in units of the states' scales: of the error of x, and of the error and the
   // largest size of every column.
-  Mask hangs_on_order_ = lanes_of<P>::none();
+  Mask hangs_on_order_ = lanes_of<P>::none(), hangs_on_balance_ = hangs_on_order_;
   P squared_error_{0.0};
   typename ArraysOf<M, P>::Parameters squared_column_error_, squared_column_size_;
   typename ArraysOf<M, P>::Parameters coarse_fourth_;  // the column's distance to the coarse solution, to the fourth power

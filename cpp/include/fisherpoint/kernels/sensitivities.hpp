@@ -69,6 +69,56 @@ template <class M, class P>
   return beside;
 }
 
+// Where a trajectory starts at rest on a jump because as much moves it as holds it, as a force that is just what friction
+// bears: S has no value if that hangs on theta, as it then moves for some theta and does not for others. Where the balance is
+// lost in the next moment anyway S has one.
+template <class M, class P>
+[[gnu::noinline]] mask_of_lanes<P> starts_in_balance(const M& model, const PointPack<M, P>& pack, const Outcome<P>& outcome,
+                                                     std::span<const std::size_t> rows, const Carried* carried,
+                                                     const std::vector<PointPath<M>>& paths) {
+  using Equation = StateEquation<M, P>;
+  constexpr double balanced = 1e-9, share = 1e-4;
+  const Equation equation(model, pack.theta, pack.u);
+  typename Equation::Side side;
+  typename Equation::State rates;
+  fit(side, equation.sides);
+  fit(rates, equation.states);
+  side.fill(P(1.0));
+  for (int lane = 0; lane < pack.used; ++lane)
+    if (const auto& runs = paths[rows[lane]].runs; !runs.empty()) set_lane(side, lane, runs.front().side.data());
+  const auto rate = [&](const Equation& f, const typename Equation::State& x, const typename Equation::Side& on, int m) {
+    f.derivative(x, on, rates);
+    return P(f.surface_rates(x, rates)[m]);
+  };
+  auto found = lanes_of<P>::none();
+  const auto value = equation.surface_values(pack.x0);
+  for (int m = 0; m < equation.jumps_end; ++m) {
+    auto here = outcome.starts_on_jump & !slides(side[m]);
+    if (!any(here)) continue;
+    here = here & (abs(value[m]) <= on_surface * natural_height(equation, m, pack.x0));
+    auto other = side;
+    other[m] = P(0.0) - side[m];
+    const P still = rate(equation, pack.x0, side, m), across = abs(rate(equation, pack.x0, other, m) - still);
+    auto ahead = pack.x0;
+    equation.derivative(pack.x0, side, rates);
+    for_each_index(equation.states, [&](auto i) { ahead[i] += glance * pack.dt * rates[i]; });
+    here = here & (abs(still) <= balanced * across) & (abs(rate(equation, ahead, side, m) - still) <= alike_rates * across);
+    for (int j = 0; j < equation.parameters && any(here); ++j) {
+      auto theta = pack.theta;
+      auto x = pack.x0;
+      const P by = select(abs(theta[j]) > P(0.0), share * abs(theta[j]), P(share));
+      theta[j] += by;
+      for (int i = 0; carried && i < equation.states; ++i)
+        for (int lane = 0; lane < pack.used; ++lane) {
+          const double s = carried->s[(rows[lane] * equation.states + i) * equation.parameters + j];
+          lanes_of<P>::set(x[i], lane, lanes_of<P>::get(x[i], lane) + s * lanes_of<P>::get(by, lane));
+        }
+      found = found | (here & (abs(rate(Equation(model, theta, pack.u), x, side, m) - still) > hanging * share * across));
+    }
+  }
+  return found;
+}
+
 // What paths have to do with jumps at their ends, and the statuses of those that have no derivative because of them.
 template <class P, class Method, class M, class Equation>
 [[gnu::noinline]] void look_at_jumps(const M& model, const Equation& equation, const PointPack<M, P>& pack,
@@ -78,7 +128,9 @@ template <class P, class Method, class M, class Equation>
                                      const SensitiveTrajectories& out) {
   note_jumps_of_paths<P>(equation, x, from, pack.dt, outcome.ends_on_jump, tolerance, rows, paths);
   auto none = lanes_of<P>::none();
-  if (!tolerance.whole_first && any(outcome.starts_on_jump)) none = starts_beside<M, P>(model, pack, outcome, rows, carried);
+  if (!tolerance.whole_first && any(outcome.starts_on_jump))
+    none = starts_beside<M, P>(model, pack, outcome, rows, carried) |
+           starts_in_balance<M, P>(model, pack, outcome, rows, carried, paths);
   if (carried) {
     const auto end_of = [&](int lane) -> const SegmentEnd& { return *carried->ends[rows[lane]]; };
     none = none | hangs_on_order<P, Method>(model, pack, tolerance, from, paths, rows, carried->s, end_of);
@@ -335,9 +387,13 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
       out.status[k] = Status::on_jump;
       continue;
     }
-    if (lanes_of<P>::get(grazes, lane) || lanes_of<P>::get(tangents.hangs_on_order(), lane)) {
+    const Status at_jumps = lanes_of<P>::get(grazes, lane)                        ? Status::grazes_jump
+                            : lanes_of<P>::get(tangents.hangs_on_order(), lane)   ? Status::two_jumps
+                            : lanes_of<P>::get(tangents.hangs_on_balance(), lane) ? Status::on_jump
+                                                                                  : Status::ok;
+    if (at_jumps != Status::ok) {
       paths[k] = PointPath<M>();
-      out.status[k] = lanes_of<P>::get(grazes, lane) ? Status::grazes_jump : Status::two_jumps;
+      out.status[k] = at_jumps;
       continue;
     }
     if (carried && shape.jumps_end > 0) {
