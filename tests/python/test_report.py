@@ -122,13 +122,13 @@ def test_any_pooled_design_is_warned_of(design: fp.Design) -> None:
 @pytest.mark.parametrize(
     ("reason", "settings", "expected"),
     [
-        ("patience", {"method": fp.ExchangeMethod(patience=7)}, "no exchange for 7 iterations"),
+        ("patience", {"method": fp.ExchangeMethod(patience=7)}, "no exchange for too long: 7 iterations"),
         ("time_limit", {"time_limit": 2.5}, "the time limit of 2.5 s"),
         ("interrupted", {}, "interrupted"),
     ],
 )
 def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
-    changed = with_changes(design, stop_reason=reason, settings=replace(design.settings, **settings))
+    changed = with_changes(design, stop_reason=fp.StopReason(reason), settings=replace(design.settings, **settings))
     assert expected in words(to_text(report.design_report(changed)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -95,6 +96,8 @@ def _format(kind: type) -> str:
 
 def encoded(value: Any, codec: Codec) -> Any:
     """What JSON has of dataclasses, numbers, texts, arrays and mappings, and of the types of a codec."""
+    if isinstance(value, Enum):
+        return {type(value).__name__: value.name}
     if value is None or isinstance(value, str | bool | int):
         return value
     if isinstance(value, float):
@@ -175,6 +178,9 @@ class _Decoder:
         return FrozenMapping(found)
 
     def _of_kind(self, name: str, content: Any, place: str) -> Any:
+        if issubclass(self.kinds.get(name, object), Enum):
+            with entry(place):
+                return self.kinds[name](content)
         if name not in self.kinds or not isinstance(content, dict):
             raise ValueError(f"{place}: expected one of {', '.join([*self.kinds, *self.codec])}, given {shown(name)}")
         kind = self.kinds[name]

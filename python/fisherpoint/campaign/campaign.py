@@ -287,7 +287,7 @@ class Campaign(Shown):
             standard_errors=fit.standard_errors,
             chi_square=fit.chi_square,
             degrees_of_freedom=fit.degrees_of_freedom,
-            converged=fit.converged,
+            stop_reason=fit.stop_reason,
         )
         if self._files is not None:
             self._files.write_data(len(self.history) + 1, data, model)

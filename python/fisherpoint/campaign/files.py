@@ -23,6 +23,7 @@ from ..basics.checks import as_path, check_type
 from ..basics.declared import check_declared
 from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_whole
 from ..basics.messages import printable
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping, finite_or_none
 from ..data import Measurements
 from ..data.measurement_files import measurements_csv
@@ -184,7 +185,7 @@ def _batch_to_json(batch: Batch) -> dict[str, Any]:
         "standard_errors": {name: value if np.isfinite(value) else None for name, value in batch.standard_errors.items()},
         "chi_square": batch.chi_square,
         "degrees_of_freedom": batch.degrees_of_freedom,
-        "converged": batch.converged,
+        "stop_reason": batch.stop_reason,
     }
 
 
@@ -197,7 +198,7 @@ def _batch_from_json(data: dict[str, Any]) -> Batch:
         standard_errors=FrozenMapping(errors),
         chi_square=data["chi_square"],
         degrees_of_freedom=data["degrees_of_freedom"],
-        converged=data["converged"],
+        stop_reason=StopReason(data["stop_reason"]),
     )
 
 

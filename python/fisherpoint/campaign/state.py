@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ..basics.declared import Extents
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
 from ..information.problem import DesignProblem
@@ -27,8 +28,8 @@ class Batch:
         Maximum a posteriori of all data up to this batch, SI units.
     chi_square, degrees_of_freedom : float
         Of all data up to this batch.
-    converged : bool
-        Whether the estimate is a minimum.
+    stop_reason : StopReason
+        Why the search for the estimate ended.
     """
 
     planned: Points | None
@@ -37,7 +38,12 @@ class Batch:
     standard_errors: Mapping[str, float]
     chi_square: float
     degrees_of_freedom: float
-    converged: bool
+    stop_reason: StopReason
+
+    @property
+    def converged(self) -> bool:
+        """Whether the estimate is a minimum."""
+        return self.stop_reason == StopReason.converged
 
     @property
     def rse(self) -> Mapping[str, float]:

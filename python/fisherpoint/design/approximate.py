@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..basics.checks import as_positive, check_positive_int, check_type
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
 from ..information.combinations import combinations
 from ..information.prior_information import prior_information
@@ -240,7 +241,7 @@ def _searched(
     )
     for k in range(SEARCHES):
         search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
-        if search.run(lambda now: report("searching", now.drawn)) == "interrupted":
+        if search.run(lambda now: report("searching", now.drawn)) == StopReason.interrupted:
             raise KeyboardInterrupt
         seen = search.seen.best(search.best.information, None, SEARCHED)
         if seen is not None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from .average import Average
 from .optimality.branch_and_bound import BranchAndBound, ExactProgress, similar_first
@@ -49,7 +50,7 @@ class Found(NamedTuple):
 
     counts: Counts
     efficiency: float
-    stop_reason: str
+    stop_reason: StopReason
     nodes: int
     left: int
 
@@ -83,14 +84,14 @@ class ExactSearch:
 
     def run(self, progress: Callable[[ExactProgress], None] | None) -> Found:
         """Search until the best design is known, or something ends it; where none determines enough, the efficiency is 0."""
-        left, stop_reason, nodes, bound = np.arange(len(self._pool)), "interrupted", 0, self._bound()
+        left, stop_reason, nodes, bound = np.arange(len(self._pool)), StopReason.interrupted, 0, self._bound()
         search: BranchAndBound | None = None
         try:
             left = self._looked_at()
             if not len(left):
-                stop_reason, bound = "proven", min(bound, self.value + self._limits.gap)
+                stop_reason, bound = StopReason.proven, min(bound, self.value + self._limits.gap)
             elif len(left) > MOST_LEFT:
-                stop_reason = "candidates"
+                stop_reason = StopReason.too_many_candidates
             elif np.isfinite(self.value):
                 search, left = self._branch_and_bound(left)
                 box = Box(np.zeros(len(left), dtype=np.int64), self._most(left))

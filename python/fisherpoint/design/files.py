@@ -14,6 +14,7 @@ from ..basics.checks import as_float, by_name, check_positive_int, check_type
 from ..basics.csv_table import CsvTable
 from ..basics.declared import check_declared
 from ..basics.quantity import names_of
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
 from ..engine.versions import versions
 from ..information.codec import (
@@ -32,7 +33,7 @@ from .settings import ExchangeSettings, read_settings, settings_json
 
 FORMAT = "fisherpoint design"
 FORMAT_VERSION = 2  # 1 had no checksum
-PLAIN = ("drawn", "accepted", "stop_reason", "seconds")
+PLAIN = ("drawn", "accepted", "seconds")
 """Fields of a design that JSON has as they are."""
 
 
@@ -54,6 +55,7 @@ def design_to_json(design: FoundDesign) -> dict[str, Any]:
         "efficiency": efficiency,
         "trace": [{**asdict(record), "log_det": number_to_json(record.log_det)} for record in design.trace],
         "rejected": dict(design.rejected),
+        "stop_reason": design.stop_reason,
         **{name: getattr(design, name) for name in (*PLAIN, "n_previous", "n_kept")},
         "previous_left_out": dict(design.previous_left_out),
         "not_told": [dict(direction) for direction in design.not_told],
@@ -93,6 +95,7 @@ def design_from_json(data: dict[str, Any]) -> dict[str, Any]:
         efficiency=efficiency and Efficiency(**efficiency),
         trace=tuple(TraceRecord(**{**record, "log_det": log_det_from_json(record["log_det"])}) for record in data["trace"]),
         rejected=FrozenMapping(rejected),
+        stop_reason=StopReason(data["stop_reason"]),
         n_previous=n_previous,
         n_kept=check_positive_int(data.get("n_kept", 0), "n_kept", 0, len(points["dt"])),
         previous_left_out=by_name(data.get("previous_left_out"), None, "previous_left_out", partial(check_positive_int, least=0)),

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from ..basics.declared import Choices, Extents
+from ..basics.declared import Extents
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
 from ..information.evaluation import Evaluation
 from ..information.feasibility import Feasibility, feasibility
@@ -25,8 +26,6 @@ DRAWS = 1000
 
 UNSEEN = 1_000_003
 """Added to the seed for these plants."""
-
-STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted", "converged")
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class FoundDesign:
     rejected : mapping of reason to int
         Candidates that are no points; drawn = accepted + their sum.
     drawn, accepted : int
-    stop_reason : {"max_iterations", "patience", "time_limit", "interrupted", "converged"}
+    stop_reason : StopReason
     seconds : float
     settings : ExchangeSettings
     problem : DesignProblem
@@ -92,7 +91,7 @@ class FoundDesign:
     rejected: Mapping[str, int]
     drawn: int
     accepted: int
-    stop_reason: str
+    stop_reason: StopReason
     seconds: float
     n_previous: int = 0
     n_kept: int = 0
@@ -109,7 +108,6 @@ class FoundDesign:
         "scenarios.standard_errors": ("problem.estimated",),
         "not_told": ("*", "some problem.estimated"),
     }
-    _CHOICES: ClassVar[Choices] = {"stop_reason": STOP_REASONS}
 
     @cached_property
     def criterion(self) -> Criterion:

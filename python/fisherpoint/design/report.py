@@ -11,6 +11,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
+from ..basics.stop_reason import StopReason
 from ..information.evaluation import WITH_PRIOR, value_of_criterion
 from ..information.feasibility import Feasibility
 from ..information.nearby import DISTANCE, Nearby, times
@@ -255,15 +256,6 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
         yield Section(f"{name}-efficiency{under}", (), facts, notes=notes)
 
 
-_STOP = {
-    "max_iterations": "all iterations done",
-    "patience": "no exchange for {patience} iterations",
-    "time_limit": "the time limit of {time_limit:g} s",
-    "interrupted": "interrupted; this is the best design until then",
-    "converged": "nothing gained any more; whether there is a better design is not known",
-}
-
-
 _METHOD = {"paper": "paper: Algorithm 1, with moves of points", "auto": "auto: exchange over pools, and ascents of all numbers"}
 
 
@@ -271,13 +263,16 @@ def _search(design: FoundDesign) -> Section:
     settings, problem = design.settings, design.problem
     exchanges = sum(record.exchanged for record in design.trace)
     last = design.trace[-1].iteration if design.trace else 0
-    stop = _STOP[design.stop_reason].format(patience=settings.method.patience, time_limit=settings.time_limit or 0)
+    limits = {
+        StopReason.patience: f": {counted(settings.method.patience or 0, 'iteration')}",
+        StopReason.time_limit: f" of {settings.time_limit or 0:g} s",
+    }
     rate = f" ({design.drawn / design.seconds:.0f} per second)" if design.seconds > 0 else ""
     method = searched_by(settings.method.name, problem)
     each = f", {settings.n_candidates} per iteration" if method == "paper" else ""
     facts = [
         ("method", _METHOD[method]),
-        ("stopped by", stop),
+        ("stopped by", design.stop_reason.words + limits.get(design.stop_reason, "")),
         ("iterations", f"{last} of at most {settings.max_iterations}, {counted(exchanges, 'exchange')}"),
         (
             "candidates",
@@ -291,7 +286,7 @@ def _search(design: FoundDesign) -> Section:
     if design.previous_left_out:
         lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
         facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))
-    return Section("Search", (), facts)
+    return Section("Search", (), facts, notes=[design.stop_reason.advice])
 
 
 _CONSTRAINT = "The point violates a constraint of the region; tighter bounds would waste fewer draws."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..basics.stop_reason import StopReason
 from ..information.combinations import combinations
 from ..show.numbers import computed, counted, number, percent, percent_down
 from ..show.section import Report, Section
@@ -80,11 +81,11 @@ def sweep_report(sweep: SweptDesigns) -> Report:
             f"No point of the region was found with information on {left} (in prior std): {of_rest}. Measure other outputs, widen"
             f" the region, or leave parameters out (parameters = [...]). See {GUIDE}."
         )
-    if sweep.stop_reason != "done":
-        why = "The time limit is over" if sweep.stop_reason == "time_limit" else "Interrupted"
+    if not sweep.stop_reason.complete:
         last, missing = f"the search for {sweep.sizes[-1]} points was not done", "larger sizes are missing"
-        words = {"time_limit": f"{last}, and none was begun for more", "interrupted_first": f"{last}, and {missing}"}
-        warnings.append(f"{why}: {words.get(sweep.stop_reason, missing)}.")
+        if sweep.stop_reason != StopReason.interrupted:
+            missing = f"{last}, and {missing}"
+        warnings.append(f"The sweep was ended early ({sweep.stop_reason.words}): {missing}. {sweep.stop_reason.advice}")
     beside = f" beside {sweep.n_previous} previous ones" if sweep.n_previous else ""
     sizes = sweep.sizes
     title = f"{counted(len(sizes), 'design')} of {sizes[0]} to {sizes[-1]} points{beside} for {sweep.problem.model.name}"

@@ -63,6 +63,8 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
             "weak_directions": list(fit.weak_directions),
             "at_bounds": list(fit.at_bounds),
             "warnings": list(report.warnings(fit)),
+            "stop_reason": fit.stop_reason,
+            "converged": fit.converged,
             **{name: getattr(fit, name) for name in PLAIN},
         }
     )

@@ -21,6 +21,7 @@ from ..basics.checks import (
 from ..basics.files import entry
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array, finite_or_none
 from ..data.measurements import Measurements
 from ..data.record import Record
@@ -39,7 +40,7 @@ from .weighting import WeightedResiduals
 BOUNDS = {"lower": -np.inf, "upper": np.inf}
 """Meaning of null in JSON."""
 
-PLAIN = {"noise_known": bool, "converged": bool, "message": str, "evaluations": int, "starts": int, "reached": int}
+PLAIN = {"noise_known": bool, "evaluations": int, "starts": int, "reached": int}
 """Fields of a fit that JSON has as they are."""
 
 
@@ -66,6 +67,7 @@ def fit_state(fit: FitStatistics) -> dict[str, Any]:
         "weights": fit.weighted.covariance.tolist(),
         "common": [{"first": error.first, "moved": error.moved.tolist()} for error in fit.weighted.common],
         "noise_covariance": fit.noise_covariance.tolist(),
+        "stop_reason": fit.stop_reason,
         **{name: getattr(fit, name) for name in PLAIN},
     }
 
@@ -112,6 +114,7 @@ def fit_from_state(data: dict[str, Any]) -> dict[str, Any]:
         residuals=observed.y - response.y[0],
         noise_covariance=as_floats_of_shape(data["noise_covariance"], (n_y, n_y), "noise_covariance"),
         weighted=weighted,
+        stop_reason=StopReason(data["stop_reason"]),
         **{name: data[name] for name in PLAIN},
     )
 

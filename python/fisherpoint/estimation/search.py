@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from ..points.status import Status
 from .known_noise import KnownNoise
@@ -34,12 +35,11 @@ SAME_WEIGHTS = 1e-5
 
 
 class Found(NamedTuple):
-    """The minimum z (P,) with the residuals as they are weighted there, how the search ended, and how many starts came there."""
+    """The minimum z (P,) with the residuals as they are weighted there, why the search ended, and how many starts came there."""
 
     z: Array
     residuals: WeightedResiduals
-    converged: bool
-    message: str
+    stop_reason: StopReason
     evaluations: int
     reached: int
 
@@ -83,7 +83,7 @@ def search_with_unknown_noise(residuals: WeightedResiduals, z0: Array) -> Found:
 
 
 def _found(z: Array, residuals: WeightedResiduals, end: int, evaluations: int, reached: int) -> Found:
-    return Found(z, residuals, end == CONVERGED, ENDS[end], evaluations, reached)
+    return Found(z, residuals, ENDS[end], evaluations, reached)
 
 
 def _minimised(residuals: WeightedResiduals, z0: Array, max_evaluations: int) -> Minima:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..basics.checks import as_probability
 from ..basics.quantity import names_of
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array, FrozenMapping, relative_errors
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
@@ -68,10 +69,8 @@ class FitStatistics:
     noise_known : bool
     noise_covariance : ndarray, (n_y, n_y)
         R: of the given noise, or the estimated one, with each variance divided by its degrees of freedom instead of the samples.
-    converged : bool
-        Whether the gradient is zero: no step lowers the residuals, or rounding hides what it would. Nothing else counts.
-    message : str
-        Why the search stopped.
+    stop_reason : StopReason
+        Why the search ended.
     evaluations : int
     starts, reached : int
         Starts of the search, and how many of them came to this minimum.
@@ -89,12 +88,16 @@ class FitStatistics:
     residuals: Array
     noise_known: bool
     noise_covariance: Array
-    converged: bool
-    message: str
+    stop_reason: StopReason
     evaluations: int
     starts: int
     reached: int
     weighted: WeightedResiduals
+
+    @property
+    def converged(self) -> bool:
+        """Whether the gradient is zero: no step lowers the residuals, or rounding hides what it would. Nothing else counts."""
+        return self.stop_reason == StopReason.converged
 
     @property
     def parameters(self) -> tuple[str, ...]:

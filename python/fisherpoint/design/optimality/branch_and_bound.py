@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from .relaxation import Box, Counts, Group, Relaxation, Relaxed, best_in_box
 from .symmetries import Permutations
@@ -102,7 +103,7 @@ class BranchAndBound:
         max_nodes: int,
         late: Callable[[], bool],
         progress: Callable[[ExactProgress], None] | None,
-    ) -> str:
+    ) -> StopReason:
         """Search a box with a known bound until nothing is open, or something ends it, and return the reason."""
         self._doing = bound
         try:
@@ -112,10 +113,10 @@ class BranchAndBound:
             while self._open and -self._open[0][0] > self.value + self.gap:
                 if self.nodes >= max_nodes:
                     self._doing = -np.inf
-                    return "max_nodes"
+                    return StopReason.max_nodes
                 if late():
                     self._doing = -np.inf
-                    return "time_limit"
+                    return StopReason.time_limit
                 self._doing = -self._open[0][0]
                 _, _, of, start = heapq.heappop(self._open)
                 self.nodes += 1
@@ -123,10 +124,10 @@ class BranchAndBound:
                 if progress is not None and self.nodes % REPORTED == 1:
                     progress(ExactProgress(self.nodes, len(self._open), self.efficiency, time.perf_counter() - self._started))
         except KeyboardInterrupt:
-            return "interrupted"
+            return StopReason.interrupted
         self._doing = -np.inf
         self._open.clear()
-        return "proven"
+        return StopReason.proven
 
     def _node(self, known: float, box: Box, start: Array | None) -> None:
         n = self.relaxation.n

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...basics.declared import Choices, Extents
+from ...basics.declared import Extents
 from ...basics.extras import needed_for
 from ...basics.kept import Codec, Kept
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.codec import problem_from_json, problem_to_json
 from ...information.problem import DesignProblem
@@ -21,7 +22,7 @@ from ...points.experiments import Experiments
 from ...show.section import Report, Section
 from ...show.shown import Shown
 from .criteria import Criterion
-from .exact_report import ENDS, exact_report
+from .exact_report import exact_report
 from .goal import GOAL_CODEC, GOAL_INSIDE, Goal
 from .goal_criterion import criterion_of
 
@@ -54,8 +55,8 @@ class ExactDesign(Shown, Kept):
         The same against weights that need not be whole numbers, with which the best design mostly cannot compete.
     gap : float
         By which share of measurements a better design was allowed to stay unknown.
-    stop_reason : {"proven", "max_nodes", "time_limit", "interrupted", "candidates"}
-        "proven" where the efficiency is at least 1 - gap; "candidates" where too many were left for branch and bound.
+    stop_reason : StopReason
+        "proven" where the efficiency is at least 1 - gap.
     nodes : int
         Number of boxes of counts whose bound was computed.
     n_candidates, n_left : int
@@ -77,7 +78,7 @@ class ExactDesign(Shown, Kept):
     efficiency: float
     of_weights: float
     gap: float
-    stop_reason: str
+    stop_reason: StopReason
     nodes: int
     n_candidates: int
     n_left: int
@@ -93,8 +94,7 @@ class ExactDesign(Shown, Kept):
         "information": ("problem.unknowns", "problem.unknowns"),
         "null_directions": ("*", "some problem.estimated"),
     }
-    _CHOICES: ClassVar[Choices] = {"stop_reason": tuple(ENDS)}
-    _INSIDE = GOAL_INSIDE
+    _INSIDE = (StopReason, *GOAL_INSIDE)
     _CODEC: ClassVar[Codec] = {DesignProblem: (problem_to_json, problem_from_json), **GOAL_CODEC}
 
     @cached_property
@@ -108,7 +108,7 @@ class ExactDesign(Shown, Kept):
     @property
     def proven(self) -> bool:
         """Whether no design of as many measurements of the candidates is better by more than the gap."""
-        return self.stop_reason == "proven"
+        return self.stop_reason == StopReason.proven
 
     @property
     def distinct(self) -> Experiments:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.quantity import names_of
+from ...basics.stop_reason import StopReason
 from ...information.combinations import combination
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
@@ -16,15 +17,6 @@ from ...show.numbers import computed, counted, number
 from ...show.section import Report, Section
 from .approximate_report import floored
 from .goal import WORDS, Goal
-
-ENDS = {
-    "proven": "the gap is closed",
-    "max_nodes": "the limit of nodes",
-    "time_limit": "the limit of time",
-    "interrupted": "an interrupt",
-    "candidates": "too many candidates that are left for branch and bound",
-}
-"""Why a search ended."""
 
 
 class Reported(Protocol):
@@ -51,7 +43,7 @@ class Reported(Protocol):
     @property
     def gap(self) -> float: ...
     @property
-    def stop_reason(self) -> str: ...
+    def stop_reason(self) -> StopReason: ...
     @property
     def nodes(self) -> int: ...
     @property
@@ -96,7 +88,7 @@ def _proof(design: Reported) -> Section:
         ("among", counted(design.n_candidates, "candidate")),
         ("of which better designs could have", str(design.n_left)),
         ("nodes of branch and bound", str(design.nodes)),
-        ("ended by", ENDS[design.stop_reason]),
+        ("ended by", design.stop_reason.words),
     ]
     if goal.prior_information:
         facts.append(("with", "the prior's information"))
@@ -115,5 +107,5 @@ def _warnings(design: Reported) -> Iterator[str]:
     if not design.proven:
         yield (
             f"No better design is known, but there may be one with up to {number(100 * (1 / design.efficiency - 1), 2)} % more "
-            f"information: the search was ended by {ENDS[design.stop_reason]}."
+            f"information: {design.stop_reason.words}. {design.stop_reason.advice}"
         )

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ...basics.declared import Choices, Extents
+from ...basics.declared import Extents
 from ...basics.extras import needed_for
 from ...basics.kept import Codec, Kept
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...data.measurements import Measurements
 from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
@@ -24,7 +25,7 @@ from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
 from ..efficiency import d_efficiency
 from .disjoint import Places
-from .piece_report import CHOICES, ENDS, piece_report
+from .piece_report import CHOICES, piece_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,8 +68,7 @@ class PieceDesign(Shown, Kept):
     left_out : mapping of reason to int
         Windows that are none.
     exchanges : int
-    stop_reason : {"no_exchange", "most_exchanges", "interrupted"}
-        "no_exchange": taking one window for another that shares no sample with the rest gains nothing, to 1e-7 in log det.
+    stop_reason : StopReason
     seconds : float
     ridge : float
         Share of the information in all windows that was added while the picked ones left F singular, to compare choices; 0 where
@@ -93,7 +93,7 @@ class PieceDesign(Shown, Kept):
     n_samples: int
     left_out: Mapping[str, int]
     exchanges: int
-    stop_reason: str
+    stop_reason: StopReason
     seconds: float
     ridge: float = field(default=0.0, kw_only=True)
 
@@ -109,9 +109,9 @@ class PieceDesign(Shown, Kept):
         "evaluation.parameters": ("problem.estimated",),
     }
     _REFERENCES = tuple(CHOICES)
-    _CHOICES: ClassVar[Choices] = {"stop_reason": tuple(ENDS)}
     _POSITIVE = ("length", "every", "n_windows", "n_samples")
 
+    _INSIDE = (StopReason,)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
         Runs: (points_to_json, runs_from_json),

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
@@ -21,12 +22,6 @@ CHOICES = {
     "first": "as many at the beginning",
     "spread": "as many evenly spread",
     "random": "as many at random, median",
-}
-
-ENDS = {
-    "no_exchange": "no exchange of one window for another gains",
-    "most_exchanges": "after the largest number of exchanges",
-    "interrupted": "interrupted",
 }
 
 
@@ -68,7 +63,7 @@ class Reported(Protocol):
     @property
     def exchanges(self) -> int: ...
     @property
-    def stop_reason(self) -> str: ...
+    def stop_reason(self) -> StopReason: ...
     @property
     def seconds(self) -> float: ...
     @property
@@ -122,7 +117,7 @@ def _search(design: Reported) -> Section:
         ("D-efficiency against the best choice", "-" if efficiency is None else f"at least {_whole(efficiency)}"),
         ("windows", f"{design.n_windows}, of which {design.n_disjoint} share no sample"),
         *((f"left out: {reason}", str(count)) for reason, count in design.left_out.items()),
-        ("end of the search", f"{ENDS[design.stop_reason]} ({counted(design.exchanges, 'exchange')})"),
+        ("end of the search", f"{design.stop_reason.words} ({counted(design.exchanges, 'exchange')})"),
         *_added(design),
         ("time", f"{design.seconds:.1f} s"),
     ]
@@ -147,5 +142,5 @@ def _warnings(design: Reported) -> Iterator[str]:
             f"The windows determine {evaluation.rank} of {len(evaluation.parameters)} parameters: the combinations named below the"
             " criterion cannot be estimated from them. Pick more, or longer ones."
         )
-    if design.stop_reason != "no_exchange":
-        yield f"The search was ended early ({design.stop_reason}): better windows may be found in more time."
+    if not design.stop_reason.complete:
+        yield f"The search was ended early ({design.stop_reason.words}). {design.stop_reason.advice}"

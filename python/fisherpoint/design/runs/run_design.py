@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from ...basics.checks import as_path, check_choice
-from ...basics.declared import Choices, Extents
+from ...basics.declared import Extents
 from ...basics.extras import needed_for
 from ...basics.files import write_together
 from ...basics.kept import Codec, Kept
+from ...basics.stop_reason import StopReason
 from ...basics.values import FrozenMapping
 from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ...information.evaluation import Evaluation
@@ -61,7 +62,7 @@ class RunDesign(Shown, Kept):
         How many of them are as good as the best one.
     feasibility : Feasibility
         Which of a thousand plants that the search has not seen can run the whole design, and why others cannot.
-    stop_reason : {"all_starts", "time_limit", "interrupted"}
+    stop_reason : StopReason
     drawn : int
     rejected : mapping of reason to int
         Runs drawn at random for the search, and those of them that do not reach their ends, by status, and of "left_domain" the
@@ -88,7 +89,7 @@ class RunDesign(Shown, Kept):
     ends: tuple[float, ...]
     again: int
     feasibility: Feasibility
-    stop_reason: str
+    stop_reason: StopReason
     drawn: int
     rejected: Mapping[str, int]
     seconds: float
@@ -98,7 +99,7 @@ class RunDesign(Shown, Kept):
     n_kept: int = 0
     ridge: float = 0.0
 
-    _INSIDE = (RunSettings, *GOAL_INSIDE, Feasibility)
+    _INSIDE = (StopReason, RunSettings, *GOAL_INSIDE, Feasibility)
     _EXTENTS: ClassVar[Extents] = {
         "runs.x0": ("n", "problem.model.states"),
         "runs.u": ("n", "segments", "problem.model.inputs"),
@@ -106,7 +107,6 @@ class RunDesign(Shown, Kept):
         "classical_shares": ("classical",),
         "scenarios.standard_errors": ("problem.estimated",),
     }
-    _CHOICES: ClassVar[Choices] = {"stop_reason": ("all_starts", "time_limit", "interrupted")}
     _GONE = ("plants",)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),

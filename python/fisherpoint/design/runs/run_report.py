@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from ...basics.quantity import names_of
+from ...basics.stop_reason import StopReason
 from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
@@ -64,7 +65,7 @@ class Reported(HasRuns, Protocol):
     @property
     def feasible(self) -> bool: ...
     @property
-    def stop_reason(self) -> str: ...
+    def stop_reason(self) -> StopReason: ...
     @property
     def n_kept(self) -> int: ...
     @property
@@ -138,14 +139,13 @@ def _known(design: Reported) -> Iterator[Section]:
 
 
 def _search(design: Reported) -> Section:
-    reasons = {"all_starts": "the usual one", "time_limit": "the time was up", "interrupted": "interrupted"}
     singular = not np.isfinite(design.log_det)
     what = f"{design.settings.goal.maximised}, sum over samples"
     facts = [
         (what, "-inf: singular" if singular else computed(design.log_det, 6)),
         ("starts", f"{len(design.ends)} of {design.settings.n_starts}"),
         ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
-        ("end of the search", reasons[design.stop_reason]),
+        ("end of the search", design.stop_reason.words),
         ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
         *ridge_facts(design, False),
         ("time", f"{design.seconds:.1f} s"),
@@ -189,8 +189,8 @@ def _warnings(design: Reported) -> Iterator[str]:
             f"Only {percent(design.feasibility.share)} of the plants that the prior allows can run this design, where {required}"
             " was required: shorten the runs, narrow the region, or give the search more starts."
         )
-    if design.stop_reason != "all_starts":
-        yield f"The search was ended early ({design.stop_reason}): a better design may be found in more time."
+    if not design.stop_reason.complete:
+        yield f"The search was ended early ({design.stop_reason.words}). {design.stop_reason.advice}"
     elif design.again == 1 and len(design.ends) > 1:
         yield "Only one start came to this design: there may be a better one. Run more starts (n_starts) to check."
     evaluation = design.evaluation

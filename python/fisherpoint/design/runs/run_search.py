@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
@@ -161,18 +162,18 @@ class RunSearch:
         runs = self.coordinates.runs(z)
         return runs if selected is None else runs.measuring(selected)
 
-    def run(self, progress: Callable[[RunProgress], None] | None) -> str:
+    def run(self, progress: Callable[[RunProgress], None] | None) -> StopReason:
         """Search to the end, or until it is late or interrupted; there are runs then in any case."""
-        reason = "all_starts"
+        reason = StopReason.completed
         try:
             if self.pool.interrupted:
                 raise KeyboardInterrupt
             self._begin()
             self._climb(progress)
         except KeyboardInterrupt:
-            reason = "interrupted"
+            reason = StopReason.interrupted
         except OutOfTime:
-            reason = "time_limit"
+            reason = StopReason.time_limit
         self.clock.paused = True
         if not self._found:
             z = self.pool.chosen(self.n_runs, self._rng)
