@@ -16,7 +16,7 @@ from defaults import without_checksum
 from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.report import design_report, evaluation_report
 from fisherpoint.information.nearby import DISTANCE, LARGEST_GROWTH, _shortened
-from fisherpoint.show.text import to_text
+from fisherpoint.show.section import to_text
 
 SLIDER = fp.SymbolicModel(
     ["(f - F*sign(v))/m"], ["v"], {"v": "m/s"}, {"f": "N"}, {"m": "kg", "F": "N"}, {"v": "m/s"}, nominal={"m": 1.0, "F": 1.0}

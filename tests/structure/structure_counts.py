@@ -141,10 +141,10 @@ def code_lines() -> int:
 #: What is counted, and the most that is allowed.
 LIMITS: dict[Callable[[], int], int] = {
     checks_of_points: 24,
-    protocols: 20,
+    protocols: 6,
     json_functions: 35,
     long_signatures: 6,
-    shared_class_names: 10,
+    shared_class_names: 6,
     dialect: 30,
     hanging_docstrings: 5,
     search_constants: 316,

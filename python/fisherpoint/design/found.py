@@ -10,12 +10,10 @@ from typing import ClassVar
 from ..basics.declared import Extents
 from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
-from ..information.evaluation import Evaluation
 from ..information.feasibility import Feasibility, feasibility
-from ..information.problem import DesignProblem
-from ..points.experiments import Experiments
 from ..points.runs import Runs
 from .efficiency import Efficiency
+from .evaluated import EvaluatedPoints
 from .optimality.criteria import Criterion
 from .optimality.goal_criterion import criterion_of_design
 from .scenario_values import ScenarioValues
@@ -44,16 +42,13 @@ class TraceRecord:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FoundDesign:
+class FoundDesign(EvaluatedPoints):
     """The points that `exchange` found, with everything needed to judge and to repeat them.
 
     Attributes
     ----------
-    points : Experiments
-    evaluation : Evaluation
-        Under the problem's output covariance; of the previous points, where there are any, and these together.
-    under_noise : Evaluation or None
-        Under the sensor noise alone; None where it is not known.
+    problem, points, evaluation, under_noise
+        As of `EvaluatedPoints`.
     scenarios : ScenarioValues or None
         What the design is worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
     efficiency : Efficiency or None
@@ -66,7 +61,6 @@ class FoundDesign:
     stop_reason : StopReason
     seconds : float
     settings : ExchangeSettings
-    problem : DesignProblem
     n_previous : int
         Points whose information was already collected: the evaluations count them, `points` does not have them.
     n_kept : int
@@ -81,11 +75,7 @@ class FoundDesign:
         none were. No figure of the design contains it.
     """
 
-    problem: DesignProblem
     settings: ExchangeSettings
-    points: Experiments
-    evaluation: Evaluation
-    under_noise: Evaluation | None
     efficiency: Efficiency | None
     trace: tuple[TraceRecord, ...]
     rejected: Mapping[str, int]

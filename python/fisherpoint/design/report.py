@@ -24,7 +24,7 @@ from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
 from .criterion_report import at_least, bound_of, goal_facts, in_units
 from .efficiency import Efficiency
-from .evaluated import Evaluated
+from .evaluated import EvaluatedPoints
 from .found import FoundDesign
 from .over_report import over_sections
 from .settings import searched_by
@@ -78,7 +78,7 @@ def _plants_warnings(design: FoundDesign) -> Iterator[str]:
         )
 
 
-def evaluation_report(evaluated: Evaluated) -> Report:
+def evaluation_report(evaluated: EvaluatedPoints) -> Report:
     """The report of evaluated points: points, parameters, criterion, warnings."""
     sections = [_points_table(evaluated), _parameter_table(evaluated), _criterion(evaluated)]
     return Report(_headline(evaluated), sections, list(_warnings(evaluated)))
@@ -102,7 +102,7 @@ def _header(quantity: Quantity) -> str:
     return f"{quantity.name} [{quantity.unit}]"
 
 
-def _headline(evaluated: Evaluated) -> str:
+def _headline(evaluated: EvaluatedPoints) -> str:
     parameters, points = evaluated.evaluation.parameters, evaluated.points
     previous = getattr(evaluated, "n_previous", 0)
     beside = f" beside {previous} previous ones" if previous else ""
@@ -113,7 +113,7 @@ def _headline(evaluated: Evaluated) -> str:
     )
 
 
-def _points_table(evaluated: Evaluated, most: int = ROWS) -> Section:
+def _points_table(evaluated: EvaluatedPoints, most: int = ROWS) -> Section:
     table = points_section("Points", evaluated.problem.model, evaluated.points, most)
     return replace(table, notes=[*table.notes, *_kept(evaluated)])
 
@@ -127,7 +127,7 @@ def points_section(title: str, model: Model, points: Experiments, most: int = RO
     return Section(title, ["#", *map(_header, model.axes)], rows, notes=_more(len(points), most))
 
 
-def _kept(evaluated: Evaluated) -> list[str]:
+def _kept(evaluated: EvaluatedPoints) -> list[str]:
     return kept_note("Point", getattr(evaluated, "n_kept", 0))
 
 
@@ -142,7 +142,7 @@ def _more(total: int, most: int = ROWS) -> list[str]:
     return [f"... and {total - most} more"] if total > most else []
 
 
-def _parameter_table(evaluated: Evaluated) -> Section:
+def _parameter_table(evaluated: EvaluatedPoints) -> Section:
     """Standard errors under the sensor noise; none where it is not known, as no other D promises any."""
     problem, under_noise = evaluated.problem, evaluated.under_noise
     if under_noise is None:
@@ -179,7 +179,7 @@ def _parameter_table(evaluated: Evaluated) -> Section:
     return Section(f"Parameters, predicted under {noise}", columns, rows, marked, notes)
 
 
-def _criterion(evaluated: Evaluated) -> Section:
+def _criterion(evaluated: EvaluatedPoints) -> Section:
     evaluation = evaluated.evaluation
     facts = [
         ("output covariance D", _describe_covariance(evaluated.problem)),
@@ -282,7 +282,7 @@ def _search(design: FoundDesign) -> Section:
         ("distinct points", f"{design.distinct_points} of {len(design.points)}"),
         ("seed, time", f"{settings.seed}, {design.seconds:.1f} s"),
     ]
-    facts += ridge_facts(design)
+    facts += ridge_facts(design.ridge)
     if design.previous_left_out:
         lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
         facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))
@@ -307,12 +307,12 @@ def _counts(title: str, counts: Mapping[str, int], total: int, share: str) -> Se
     return Section(title, ("what", "number", share, "advice"), rows)
 
 
-def _warnings(evaluated: Evaluated) -> Iterator[str]:
+def _warnings(evaluated: EvaluatedPoints) -> Iterator[str]:
     """What the user should not miss, each as a paragraph."""
     places = list(outside(evaluated.problem.model, evaluated.problem.region, evaluated.points))
     if places:
         yield f"Outside of the region: {few(places, 10)}."
-    if hasattr(evaluated, "efficiency"):
+    if isinstance(evaluated, FoundDesign):
         yield from _of_covariance(evaluated.evaluation.output_covariance_kind, evaluated.efficiency)
     if evaluated.evaluation.covariance is None:
         yield singular_warning(evaluated)
@@ -345,7 +345,7 @@ def _of_covariance(kind: str, efficiency: Efficiency | None) -> Iterator[str]:
         )
 
 
-def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:
+def _nearby_warnings(evaluated: EvaluatedPoints, nearby: Nearby) -> Iterator[str]:
     """What happens to the promise within what it promises."""
     problem = evaluated.problem
     if nearby.broken:
@@ -371,7 +371,7 @@ def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:
         )
 
 
-def _losing(evaluated: Evaluated, nearby: Nearby) -> str:
+def _losing(evaluated: EvaluatedPoints, nearby: Nearby) -> str:
     """The points with less information there, as the report numbers them, and the verb."""
     previous = getattr(evaluated, "n_previous", 0)
     own = [str(k - previous + 1) for k in nearby.points if k >= previous]

@@ -65,7 +65,7 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         )
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
-    notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep)]
+    notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep.ridge)]
     if settings is not None and settings.goal.prior_information:
         notes.append("The prior's information counts once beside the data, in the criterion, its bounds and the errors.")
     if settings is not None and settings.goal.over is not None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
 from ..basics.values import FrozenMapping
@@ -26,6 +25,7 @@ from .figures import Figure, ParameterFigures
 from .fits import VirtualFits
 from .report import validation_report
 from .truths import truths_of
+from .validated import ValidatedDesigns
 from .verdict import ParameterVerdict, verdicts_of
 
 SHARES = ("coverage", "too_low", "too_high")
@@ -36,51 +36,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Validation(Shown, Kept):
-    """What `validate` found; it shows itself as a table.
-
-    Attributes
-    ----------
-    problem : DesignProblem
-    designs : mapping of name to DesignValidation
-    noise_std : mapping of output name to float
-        Of the outputs that were measured.
-    runs : int
-        Virtual experiments with each design that were made.
-    theta : "prior", "mean" or mapping of parameter name to float
-    seed : int
-    redrawn : int
-        Draws from the prior that were left out because they make no sense to the model.
-    truth : Model or None
-        Model that made the data, if not the problem's.
-    noise : {"known", "estimated"}
-    use_prior : bool
-    seconds : float
-    asked : int
-        Requested number of virtual experiments: more than `runs` where Ctrl-C came first.
-    """
-
-    problem: DesignProblem
-    designs: Mapping[str, DesignValidation]
-    noise_std: Mapping[str, float]
-    runs: int
-    theta: str | Mapping[str, float]
-    seed: int
-    redrawn: int
-    truth: Model | None
-    noise: str
-    use_prior: bool
-    seconds: float
-    asked: int = 0
+class Validation(ValidatedDesigns, Shown, Kept):
+    """What `validate` found; it shows itself as a table; `ValidatedDesigns` has its attributes."""
 
     FORMAT_VERSION = 3
     _RENAMED: ClassVar[Mapping[str, str]] = {"Runs": "VirtualFits"}
-    _EXTENTS: ClassVar[Extents] = {
-        "designs": ("+",),
-        "designs.parameters": ("problem.estimated",),
-        "noise_std": ("some problem.model.outputs",),
-    }
-    _CHOICES: ClassVar[Choices] = {"noise": ("known", "estimated")}
     _INSIDE = (DesignValidation, ParameterFigures, Figure, VirtualFits)
     _CODEC: ClassVar[Codec] = {
         DesignProblem: (problem_to_json, problem_from_json),
@@ -107,11 +67,6 @@ class Validation(Shown, Kept):
 
     def _check_content(self) -> None:
         truths_of(self.problem, self.theta, 1, 0)
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether Ctrl-C ended it before all virtual experiments were made."""
-        return self.runs < self.asked
 
     @property
     def verdicts(self) -> dict[str, dict[str, ParameterVerdict]]:

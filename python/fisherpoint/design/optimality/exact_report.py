@@ -2,63 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterator
 
 from ...basics.quantity import names_of
-from ...basics.stop_reason import StopReason
 from ...information.combinations import combination
-from ...information.problem import DesignProblem
-from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number
 from ...show.section import Report, Section
 from .approximate_report import floored
-from .goal import WORDS, Goal
+from .exact_counts import ExactCounts
+from .goal import WORDS
 
 
-class Reported(Protocol):
-    """What the report needs of a :class:`fisherpoint.ExactDesign`."""
-
-    @property
-    def problem(self) -> DesignProblem: ...
-    @property
-    def goal(self) -> Goal: ...
-    @property
-    def points(self) -> Experiments: ...
-    @property
-    def distinct(self) -> Experiments: ...
-    @property
-    def counts(self) -> NDArray[np.int64]: ...
-    @property
-    def value(self) -> float: ...
-    @property
-    def proven(self) -> bool: ...
-    @property
-    def efficiency(self) -> float: ...
-    @property
-    def of_weights(self) -> float: ...
-    @property
-    def gap(self) -> float: ...
-    @property
-    def stop_reason(self) -> StopReason: ...
-    @property
-    def nodes(self) -> int: ...
-    @property
-    def n_candidates(self) -> int: ...
-    @property
-    def n_left(self) -> int: ...
-    @property
-    def null_directions(self) -> tuple[Mapping[str, float], ...]: ...
-    @property
-    def left_out(self) -> Mapping[str, int]: ...
-    @property
-    def seconds(self) -> float: ...
-
-
-def exact_report(design: Reported) -> Report:
+def exact_report(design: ExactCounts) -> Report:
     """Points, criterion, proof and search."""
     among = counted(design.n_candidates, "candidate")
     what = f"{counted(len(design.points), 'measurement')} at {counted(len(design.counts), 'point')}"
@@ -69,7 +24,7 @@ def exact_report(design: Reported) -> Report:
     return Report(headline, [_points(design), _proof(design)], list(_warnings(design)))
 
 
-def _points(design: Reported) -> Section:
+def _points(design: ExactCounts) -> Section:
     names = names_of(design.problem.model.axes)
     columns = (*(f"{quantity.name} [{quantity.unit}]" for quantity in design.problem.model.axes), "measured")
     table = design.distinct.table[:, : len(names)].tolist()
@@ -77,7 +32,7 @@ def _points(design: Reported) -> Section:
     return Section("Points", columns, rows)
 
 
-def _proof(design: Reported) -> Section:
+def _proof(design: ExactCounts) -> Section:
     goal = design.goal
     about = "" if goal.of is None else f" of {goal.of if isinstance(goal.of, str) else ', '.join(goal.of)}"
     facts = [
@@ -98,7 +53,7 @@ def _proof(design: Reported) -> Section:
     return Section("What is proven", (), [*facts, ("time", f"{design.seconds:.1f} s")], notes=notes)
 
 
-def _warnings(design: Reported) -> Iterator[str]:
+def _warnings(design: ExactCounts) -> Iterator[str]:
     if design.null_directions:
         yield (
             f"The candidates leave {counted(len(design.null_directions), 'combination')} of parameters undetermined, named above:"
