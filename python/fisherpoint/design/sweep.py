@@ -7,15 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..basics.checks import as_sequence, check_positive_int, check_type
 from ..basics.extras import needed_for
-from ..basics.kept import Codec, Kept
+from ..basics.kept import Kept
 from ..basics.stop_reason import StopReason
-from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ..information.evaluation import Evaluation
 from ..information.point_information import PointInformation
 from ..information.previous import Previous, previous_information
@@ -30,7 +29,7 @@ from .cost import Cost
 from .exchange import check_determined, scenarios_of
 from .optimality.criteria import Criterion
 from .optimality.estimability import determined, not_told, refuse_open
-from .optimality.goal import GOAL_CODEC, GOAL_INSIDE, Goal, goal_of
+from .optimality.goal import Goal, goal_of
 from .points.candidate_archive import CandidateArchive
 from .points.point_search import PointSearch, Progress
 from .points.size_search import sized_searches
@@ -52,13 +51,6 @@ NO_TIME = 1e-9
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(SweptDesigns, Shown, Kept):
     """Designs of several sizes, as `sweep` found them; `SweptDesigns` has its attributes."""
-
-    _INSIDE = (StopReason, SizedDesign, Cost, ExchangeSettings, ExchangeMethod, *GOAL_INSIDE)
-    _CODEC: ClassVar[Codec] = {
-        DesignProblem: (problem_to_json, problem_from_json),
-        Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
-        **GOAL_CODEC,
-    }
 
     def _asked(self) -> Sequence[Section]:
         return problem_sections(self.problem)

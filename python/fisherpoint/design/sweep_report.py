@@ -31,8 +31,8 @@ _ERRORS = {
 def sweep_report(sweep: SweptDesigns) -> Report:
     """The designs by size."""
     prior, settings = sweep.problem.prior.std, sweep.settings
-    name = "D" if settings is None else settings.goal.criterion
-    error, what = _ERRORS.get(name, _ERRORS["D"]), "log det F" if settings is None else settings.goal.maximised
+    name = settings.goal.criterion
+    error, what = _ERRORS.get(name, _ERRORS["D"]), settings.goal.maximised
     written = computed if name in ("c", "I", "ME") else percent
     rows, marked, timed = [], [], bool(sweep.problem.model.states)
     most = len(sweep.problem.estimated) - len(sweep.not_told)
@@ -66,9 +66,9 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
     notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep.ridge)]
-    if settings is not None and settings.goal.prior_information:
+    if settings.goal.prior_information:
         notes.append("The prior's information counts once beside the data, in the criterion, its bounds and the errors.")
-    if settings is not None and settings.goal.over is not None:
+    if settings.goal.over is not None:
         notes.append("The errors of parameters are those at the prior mean.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []

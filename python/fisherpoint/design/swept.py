@@ -114,8 +114,8 @@ class SweptDesigns:
         Where it is not "completed", larger sizes are missing; with "time_limit" the search for the largest was cut short, and
         "interrupted_first" came before the first size was done, and this is its best design so far.
     seconds : float
-    settings : ExchangeSettings or None
-        Those of the search for the smallest design; the others differ in their size. None in older files.
+    settings : ExchangeSettings
+        Those of the search for the smallest design; the others differ in their size.
     not_told : tuple of mappings of parameter name to float
         Combinations of standardised parameters that no point of the region was found to have information on.
     ridge : float
@@ -130,7 +130,7 @@ class SweptDesigns:
     stop_reason: StopReason
     seconds: float
     _: KW_ONLY
-    settings: ExchangeSettings | None = None
+    settings: ExchangeSettings
     not_told: tuple[Mapping[str, float], ...] = ()
     ridge: float = 0.0
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,8 @@ from ..basics.checks import as_probability
 from ..basics.quantity import names_of
 from ..basics.stop_reason import StopReason
 from ..basics.values import Array, FrozenMapping, relative_errors
+from ..data.measurements import Measurements
+from ..data.record import Record
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
 from .apriori import apriori_covariance
@@ -79,7 +80,7 @@ class FitStatistics:
     """
 
     model: Model
-    data: tuple[Any, ...]
+    data: tuple[Measurements | Record, ...]
     prior: GaussianPrior | None
     nuisance: Nuisance
     theta: Array

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ..basics.declared import Choices, Extents
+from ..basics.kept import Codec
 from ..information.problem import DesignProblem
 from ..models import Model
+from ..models.codec import model_from_json, model_to_json
 from .design_validation import DesignValidation
 
 
@@ -50,6 +52,7 @@ class ValidatedDesigns:
     seconds: float
     asked: int = 0
 
+    _CODEC: ClassVar[Codec] = {Model: (model_to_json, model_from_json)}
     _EXTENTS: ClassVar[Extents] = {
         "designs": ("+",),
         "designs.parameters": ("problem.estimated",),

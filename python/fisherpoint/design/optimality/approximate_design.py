@@ -7,18 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...basics.checks import check_choice, check_positive_int
 from ...basics.extras import needed_for
-from ...basics.kept import Codec, Kept
+from ...basics.kept import Kept
 from ...basics.values import Array
-from ...information.codec import problem_from_json, problem_to_json
 from ...information.previous import HasPoints
 from ...information.prior_information import prior_information
-from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
 from ...points.experiments import Experiments
 from ...points.runs import as_runs, points_of
@@ -26,11 +24,9 @@ from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
 from .approximate_report import approximate_report
 from .approximate_weights import ApproximateWeights
-from .averaged import Averaged, EstimableOver, joined
+from .averaged import Averaged, joined
 from .candidate_rows import CandidateRows
 from .criteria import Criterion
-from .estimable import Estimable
-from .goal import GOAL_CODEC, GOAL_INSIDE
 from .goal_criterion import criterion_of
 from .point_rows import PointRows
 from .rounding import efficient_rounding
@@ -47,12 +43,6 @@ BEYOND = 1e-4
 @dataclass(frozen=True, eq=False, repr=False)
 class ApproximateDesign(ApproximateWeights, Shown, Kept):
     """Weights of points: the share of all measurements that each is to get; `ApproximateWeights` has its attributes."""
-
-    _INSIDE = (Estimable, EstimableOver, *GOAL_INSIDE)
-    _CODEC: ClassVar[Codec] = {
-        DesignProblem: (problem_to_json, problem_from_json),
-        **GOAL_CODEC,
-    }
 
     def _check_content(self) -> None:
         _ = self.criterion

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from ...basics.extras import needed_for
-from ...basics.kept import Codec, Kept
-from ...basics.stop_reason import StopReason
-from ...information.codec import problem_from_json, problem_to_json
-from ...information.problem import DesignProblem
+from ...basics.kept import Kept
 from ...information.problem_report import problem_sections
 from ...show.section import Report, Section
 from ...show.shown import Shown
 from .exact_counts import ExactCounts
 from .exact_report import exact_report
-from .goal import GOAL_CODEC, GOAL_INSIDE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,9 +21,6 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False, repr=False)
 class ExactDesign(ExactCounts, Shown, Kept):
     """How often each of some candidates is measured, with the proof of how good that is; `ExactCounts` has its attributes."""
-
-    _INSIDE = (StopReason, *GOAL_INSIDE)
-    _CODEC: ClassVar[Codec] = {DesignProblem: (problem_to_json, problem_from_json), **GOAL_CODEC}
 
     def _check_content(self) -> None:
         _ = self.criterion

@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...basics.extras import needed_for
-from ...basics.kept import Codec, Kept
-from ...basics.stop_reason import StopReason
+from ...basics.kept import Kept
 from ...data.measurements import Measurements
-from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
-from ...information.evaluation import Evaluation
-from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
-from ...points.codec import points_to_json, runs_from_json
 from ...points.runs import Runs
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
@@ -32,13 +27,6 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False, repr=False)
 class PieceDesign(PickedWindows, Shown, Kept):
     """The windows that `best_pieces` picked, to judge them and to estimate from them; `PickedWindows` has its attributes."""
-
-    _INSIDE = (StopReason,)
-    _CODEC: ClassVar[Codec] = {
-        DesignProblem: (problem_to_json, problem_from_json),
-        Runs: (points_to_json, runs_from_json),
-        Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
-    }
 
     @property
     def points(self) -> Runs:

@@ -5,28 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from ...basics.checks import as_path, check_choice
 from ...basics.extras import needed_for
 from ...basics.files import write_together
-from ...basics.kept import Codec, Kept
-from ...basics.stop_reason import StopReason
-from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
-from ...information.evaluation import Evaluation
-from ...information.feasibility import Feasibility
-from ...information.problem import DesignProblem
+from ...basics.kept import Kept
 from ...information.problem_report import problem_sections
-from ...points.codec import points_from_json, points_to_json, runs_from_json
-from ...points.experiments import Experiments
 from ...points.run_files import plan_csv, runs_csv
-from ...points.runs import Runs
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
 from ..found_runs import FoundRuns
-from ..optimality.goal import GOAL_CODEC, GOAL_INSIDE
-from ..scenario_values import ScenarioValues, scenario_values_from_json, scenario_values_to_json
-from ..settings import RunSettings
 from ..settings_section import settings_section
 from .run_plots import PICTURES, plots_of
 from .run_report import run_report
@@ -40,17 +29,6 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False, repr=False)
 class RunDesign(FoundRuns, Shown, Kept):
     """The runs that `design_runs` found, with what is needed to judge and to repeat them; `FoundRuns` has its attributes."""
-
-    _INSIDE = (StopReason, RunSettings, *GOAL_INSIDE, Feasibility)
-    _GONE = ("plants",)
-    _CODEC: ClassVar[Codec] = {
-        DesignProblem: (problem_to_json, problem_from_json),
-        Runs: (points_to_json, runs_from_json),
-        Experiments: (points_to_json, points_from_json),
-        Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
-        **GOAL_CODEC,
-        ScenarioValues: (scenario_values_to_json, lambda data: scenario_values_from_json(data, tuple(data["standard_errors"]))),
-    }
 
     def _check_content(self) -> None:
         _ = self.criterion
