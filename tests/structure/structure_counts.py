@@ -144,7 +144,7 @@ LIMITS: dict[Callable[[], int], int] = {
     protocols: 6,
     json_functions: 2,
     long_signatures: 6,
-    shared_class_names: 6,
+    shared_class_names: 0,
     dialect: 29,
     hanging_docstrings: 5,
     search_constants: 316,

@@ -12,7 +12,7 @@ from ..basics.quantity import names_of
 from ..basics.toml_messages import choices, toml
 from ..basics.toml_tables import missing_entries, missing_names, wrong_entries, wrong_names
 from ..models import Model
-from .configuration_tables import Bounds, PriorEntry, RegionTable, Std
+from .configuration_tables import BoundsEntry, PriorEntry, RegionTable, Std
 
 ENTRIES: Mapping[str, type[BaseModel]] = {
     "prior": PriorEntry,
@@ -20,7 +20,7 @@ ENTRIES: Mapping[str, type[BaseModel]] = {
     "uncertain": Std,
     "varies": Std,
     "initial_state_std": Std,
-    "region": Bounds,
+    "region": BoundsEntry,
 }
 """Tables with an entry for each quantity."""
 
@@ -90,7 +90,7 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         yield from wrong_names("campaign.targets", campaign.targets, estimated)
 
 
-def _wrong_bounds(region: RegionTable | Mapping[str, Bounds | None] | None, model: Model) -> Iterator[str]:
+def _wrong_bounds(region: RegionTable | Mapping[str, BoundsEntry | None] | None, model: Model) -> Iterator[str]:
     if region is None:
         return
     bounds = region.bounds if isinstance(region, RegionTable) else region

@@ -45,7 +45,7 @@ class Limits:
         return self.time_limit is not None and time.perf_counter() - self.started >= self.time_limit
 
 
-class Found(NamedTuple):
+class FoundCounts(NamedTuple):
     """Counts of the candidates (K,), the proven efficiency, why it ended, nodes, and candidates that were not deleted."""
 
     counts: Counts
@@ -82,7 +82,7 @@ class ExactSearch:
         self.counts: Counts | None = None
         self.value = -np.inf
 
-    def run(self, progress: Callable[[ExactProgress], None] | None) -> Found:
+    def run(self, progress: Callable[[ExactProgress], None] | None) -> FoundCounts:
         """Search until the best design is known, or something ends it; where none determines enough, the efficiency is 0."""
         left, stop_reason, nodes, bound = np.arange(len(self._pool)), StopReason.interrupted, 0, self._bound()
         search: BranchAndBound | None = None
@@ -107,7 +107,7 @@ class ExactSearch:
                 self.value, counts = search.value, np.zeros(len(self._prices), dtype=np.int64)
                 counts[left] = search.counts
         efficiency = float(np.exp(min(self.value - bound, 0.0))) if np.isfinite(self.value) else 0.0
-        return Found(counts, efficiency, stop_reason, nodes, len(left))
+        return FoundCounts(counts, efficiency, stop_reason, nodes, len(left))
 
     def _looked_at(self) -> NDArray[np.intp]:
         """Exchange over the best candidates, and those that are left of all after that."""

@@ -29,7 +29,7 @@ from .fit import Fit
 from .known_noise import KnownNoise
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
 from .observed import Observed, check_outputs
-from .search import SAME_MINIMUM, Found, search_with_known_noise, search_with_unknown_noise
+from .search import SAME_MINIMUM, FoundMinimum, search_with_known_noise, search_with_unknown_noise
 from .small_samples import unbiased
 from .starts import MOST_STARTS, evaluable_starts, further_starts, start_guess
 from .unknown_noise import check_noise_is_determined
@@ -223,7 +223,7 @@ def _fit(
     prior: GaussianPrior | None,
     noise_known: bool,
     sensors: Array,
-    found: Found,
+    found: FoundMinimum,
     starts: int,
 ) -> Fit:
     observed, values = found.residuals.observed, found.residuals.unknowns.values(found.z[None])

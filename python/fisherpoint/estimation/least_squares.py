@@ -141,7 +141,7 @@ def minimise(
     -------
     Minima
     """
-    search = _Search(residuals, z0, lower, upper, unit, accuracy, tolerance)
+    search = _Searches(residuals, z0, lower, upper, unit, accuracy, tolerance)
     iteration = 0
     while len(search.active):
         search.iterate(iteration >= CURVED_FROM)
@@ -150,7 +150,7 @@ def minimise(
     return Minima(search.z, search.cost, search.end, search.evaluations, search.spacing)
 
 
-class _Search:
+class _Searches:
     """State of B searches; those that go on are `active`."""
 
     def __init__(
