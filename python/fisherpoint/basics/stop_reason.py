@@ -86,7 +86,7 @@ _WORDS = {
     ),
     StopReason.rounding: (
         "rounding, or the tolerance of the trajectories, keeps the gradient from zero",
-        "The residuals are hardly larger than numerical errors, or it is a saddle point: a smaller `rtol` may help.",
+        "Double precision, or the tolerance, has no more: of a fit, residuals hardly exceed numerical errors, or it is a saddle.",
     ),
     StopReason.weights_changed: (
         "the weights, which depend on the estimate, do not converge",

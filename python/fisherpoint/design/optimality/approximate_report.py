@@ -57,6 +57,7 @@ def _proof(design: ApproximateWeights) -> Section:
         facts.append((known, counted(design.n_experiments, "experiment")))
     facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
     facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]
+    facts.append(("ended by", design.stop_reason.words))
     if design.deleted:
         facts.append(("proven to have no weight", counted(design.deleted, "candidate")))
     notes = []

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from ...basics.declared import Extents
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
@@ -65,6 +66,9 @@ class ApproximateWeights:
         Candidates that are no points.
     deleted : int
         Candidates that were proven to have no weight in any optimum.
+    stop_reason : StopReason
+        "converged" where the sensitivity function exceeds its level by no more than the tolerance, in the region by a thousandth;
+        "rounding" where double precision has no more, and "max_iterations" where the region still had better places.
     seconds : float
     """
 
@@ -86,6 +90,7 @@ class ApproximateWeights:
     sample: Experiments
     left_out: Mapping[str, int]
     deleted: int
+    stop_reason: StopReason
     seconds: float
 
     _EXTENTS: ClassVar[Extents] = {
