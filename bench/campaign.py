@@ -168,7 +168,7 @@ def _single(
 
 
 def _outcome(problem: fp.DesignProblem, theta: Array, fit: Fit) -> Outcome:
-    data = fp.Measurements.join(fit.data)
+    data = fp.Measurements.join([part for part in fit.data if isinstance(part, fp.Measurements)])
     sensitivities = fp.sensitivities(problem.model, data.points, theta, rtol=1e-10).dy_dtheta * problem.std
     noise = np.sqrt(np.diag(problem.noise_covariance))
     jacobian = (sensitivities / noise[:, None])[np.isfinite(data.y)]

@@ -92,7 +92,7 @@ def main(path: Path) -> None:
         print(f"{fit.model.name:<16}{estimation:>9.3f} V{validation:>10.3f} V")
         for direction in (*fit.null_directions, *fit.weak_directions):
             print(f"  hardly shows: {direction}")
-        print(f"  {fit.reached} of {fit.starts} starts came there; {fit.message}")
+        print(f"  {fit.reached} of {fit.starts} starts came there; {fit.stop_reason.words}")
         print("  " + ", ".join(f"{name} {value:.4g}" for name, value in fit.estimate.items()))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 TYPE_CHECKING = False  # `typing` takes a while to import
 if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .basics.quantity import Quantity
+    from .basics.stop_reason import StopReason
     from .basics.units import convert
     from .campaign.campaign import Campaign
     from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
@@ -132,6 +133,7 @@ __all__ = [
     "Sobol",
     "SparseGaussHermite",
     "Status",
+    "StopReason",
     "Sweep",
     "SymbolicModel",
     "TensorGrid",
@@ -173,6 +175,7 @@ __all__ = [
 
 _PLACES = {
     ".basics.quantity": ("Quantity",),
+    ".basics.stop_reason": ("StopReason",),
     ".basics.units": ("convert",),
     ".campaign.campaign": ("Campaign",),
     ".data": ("Measurements", "Record", "RecordTrajectory", "VirtualRig", "simulate_record"),

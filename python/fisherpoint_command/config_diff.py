@@ -7,9 +7,11 @@ from itertools import zip_longest
 from typing import Any
 
 import fisherpoint as fp
+from fisherpoint.basics.kept import encoded
 from fisherpoint.basics.messages import listed, shortened
 from fisherpoint.basics.toml_messages import toml
-from fisherpoint.information.codec import problem_to_json
+
+RULES = ("TensorGrid", "GaussHermite", "SparseGaussHermite", "Sobol", "Unscented", "Linearized")
 
 OF_DESIGN = ("output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along")
 """Parts of a problem that the table [design] has."""
@@ -30,7 +32,7 @@ def first_difference(given: fp.Campaign, found: fp.Campaign, directory: object) 
 
 def differences(given: fp.Campaign, found: fp.Campaign) -> Iterator[Difference]:
     """All that differs, one key after the other."""
-    here, there = problem_to_json(given.problem), problem_to_json(found.problem)
+    here, there = _plain(encoded(given.problem)), _plain(encoded(found.problem))
     of_runs = given.problem.region is not None and given.problem.region.kind == "run"
     for path, was, now in _changes(there, here):
         if path[0] != "derived":
@@ -39,6 +41,18 @@ def differences(given: fp.Campaign, found: fp.Campaign) -> Iterator[Difference]:
         was = _settings(found)[key]
         if was != now:
             yield key, was, now
+
+
+def _plain(data: Any) -> Any:
+    """What a file has of an object by names alone, without those of its classes."""
+    if not isinstance(data, dict):
+        return [_plain(one) for one in data] if isinstance(data, list) else data
+    ((kind, content),) = data.items() if "array" not in data else [("array", data["array"])]
+    if kind == "mapping":
+        return {name: _plain(one) for name, one in content}
+    if kind in ("array", "float", "Model"):
+        return content
+    return {name: _plain(one) for name, one in content.items()} | ({"kind": kind} if kind in RULES else {})
 
 
 def _settings(campaign: fp.Campaign) -> dict[str, Any]:

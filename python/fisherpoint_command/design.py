@@ -124,7 +124,7 @@ def design(
             if found is None:
                 complain("interrupted before a design was found; nothing was saved")
                 return INTERRUPTED
-            found = replace(found, stop_reason="interrupted")
+            found = replace(found, stop_reason=fp.StopReason.interrupted)
         assert found is not None
         make_directory(output, old)
         found.save(output)
@@ -132,7 +132,7 @@ def design(
         write_whole(output / "report.txt", as_file(report))
         if not quiet:
             show(report)
-        interrupted = found.stop_reason == "interrupted"
+        interrupted = found.stop_reason == fp.StopReason.interrupted
         shown = write_shown(found, output, drawing.unless(interrupted), file)
     written = ["design.csv", "design.json", "report.txt", *shown]
     if not quiet:

@@ -62,7 +62,7 @@ def design_of_runs(
         found.save(output)
         report = found.report()
         write_whole(output / "report.txt", as_file(report))
-        interrupted = found.stop_reason == "interrupted"
+        interrupted = found.stop_reason == fp.StopReason.interrupted
         shown = write_shown(found, output, drawing.unless(interrupted), file)
     written = ["design.csv", "plan.csv", "design.json", "report.txt", *shown]
     if not quiet:

@@ -97,7 +97,7 @@ def sweep(
         stale = [path.name for path in output.glob("design_*.csv") if path.name not in tables]
         write_together(output, contents, stale=["sweep.png", PAGE, "sweep.json", *stale])
         found.save(output / "sweep.json")
-        interrupted = found.stop_reason.startswith("interrupted")
+        interrupted = found.stop_reason in (fp.StopReason.interrupted, fp.StopReason.interrupted_first)
         shown = write_shown(found, output, drawing.unless(interrupted), file)
     tables_told = f"design_<size>.csv of {len(tables)} sizes"
     written = ["sweep.csv", "sweep.json", "report.txt", *shown]

@@ -16,8 +16,7 @@ from fisherpoint.basics.messages import listed, printable
 from fisherpoint.design.configuration import Config, ConfigError, load_config
 from fisherpoint.points.outside import few, outside
 from fisherpoint.show.console import to_rich
-from fisherpoint.show.section import Report
-from fisherpoint.show.text import to_text
+from fisherpoint.show.section import Report, to_text
 
 from .exits import complain
 from .heartbeat import alive

@@ -68,8 +68,3 @@ def point(**values: float) -> fp.Experiments:
 def same_bits(a: Any, b: Any) -> bool:
     """Whether two arrays are the same to the last bit, the sign of zero included."""
     return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
-
-
-def without_checksum(data: dict[str, Any]) -> dict[str, Any]:
-    """What a design.json says, as the first version of the format had it."""
-    return {name: value for name, value in data.items() if name != "sha256"} | {"format_version": 1}

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import binomtest, norm
 
 import fisherpoint as fp
-from fisherpoint.information.codec import problem_from_json, problem_to_json
+from fisherpoint.basics.kept import decoded, encoded
 from fisherpoint.models import symbolic
 
 pytestmark = pytest.mark.kernels
@@ -156,7 +156,7 @@ def test_designs_keep_the_limits_at_the_prior_mean() -> None:
     fp.evaluate_design(problem, runs[1])
     past = fp.Runs([[0.0]], [[1.0, -1.0]], 1.0)
     assert fp.evaluate_design(problem, runs[1], previous=past).n_points == 4, "what was measured was possible"
-    for copy in (problem_from_json(problem_to_json(problem)), pickle.loads(pickle.dumps(problem)), problem.replace(rtol=1e-7)):
+    for copy in (decoded(encoded(problem), fp.DesignProblem), pickle.loads(pickle.dumps(problem)), problem.replace(rtol=1e-7)):
         assert copy.along == ("x < 0.95", "u > -2") and copy.limited == problem.limited
     assert problem.model.along == () and problem.replace(along=None).limited is problem.model
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import pytest
 
 import fisherpoint as fp
 from conftest import REGION
-from defaults import problem, same_bits, without_checksum
+from defaults import problem, same_bits
 from test_assumed import QUICK, STARTS, UNCERTAIN
 
 
@@ -27,18 +26,6 @@ def test_a_design_with_uncertain_constants_comes_back_and_repeats(tmp_path: Path
     again = fp.exchange(loaded.problem, **QUICK)
     assert same_bits(again.points.table, design.points.table)
     assert same_bits(again.evaluation.fisher, design.evaluation.fisher)
-
-
-def test_an_older_file_has_nothing_uncertain(tmp_path: Path) -> None:
-    fp.exchange(problem(), **QUICK).save(tmp_path)
-    data = without_checksum(json.loads((tmp_path / "design.json").read_text()))
-    for name in ("uncertain", "varies", "initial_state_std", "assumed_covariance"):
-        del data["problem"][name]
-    for name in ("n_previous", "previous_left_out"):
-        del data[name]
-    (tmp_path / "design.json").write_text(json.dumps(data))
-    loaded = fp.Design.load(tmp_path)
-    assert loaded.problem.assumed is None and loaded.n_previous == 0 and loaded.previous_left_out == {}
 
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "cylinder.toml"

@@ -261,11 +261,12 @@ def test_files_that_were_damaged_by_hand_are_refused(copy: Path) -> None:
     path = copy / "campaign.json"
     text = path.read_text()
     data = json.loads(text)
-    estimate = repr(data["batches"][0]["estimate"]["m_q"])
+    (content,) = data["content"].values()
+    estimate = repr(dict(content["batches"][0]["Batch"]["estimate"]["mapping"])["m_q"])
     for damaged in (
         text.replace(estimate, repr(float(estimate) * 1.001)),
         text.replace('"seed": 7', '"seed": 8'),
-        json.dumps({**data, "batches": data["batches"][:1]}),
+        json.dumps({**data, "content": {}}),
         json.dumps({name: value for name, value in data.items() if name != "sha256"}),
     ):
         assert damaged != text
@@ -274,9 +275,9 @@ def test_files_that_were_damaged_by_hand_are_refused(copy: Path) -> None:
             fp.Campaign.load(copy)
     for damaged, message in (
         ("", "a whole JSON file"),
-        ("[]", "a file of format 'fisherpoint campaign'"),
-        ('{"format": "fisherpoint design"}', "a file of format 'fisherpoint campaign'"),
-        ('{"format": "fisherpoint campaign", "format_version": 99}', "format version 1, given 99"),
+        ("[]", "a file of format 'fisherpoint CampaignState'"),
+        ('{"format": "fisherpoint Design"}', "a file of format 'fisherpoint CampaignState'"),
+        ('{"format": "fisherpoint CampaignState", "format_version": 99}', "format version 1, given 99"),
     ):
         path.write_text(damaged)
         with pytest.raises(ValueError, match=f"campaign.json: expected {message}"):

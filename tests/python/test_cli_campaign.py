@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import shutil
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.basics.files import sealed_json
 from fisherpoint.design.configuration import ConfigError, load_config
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -105,22 +103,6 @@ def test_a_file_that_was_changed_needs_another_directory(run: Any, file: Path, t
     said = f'expected "cross", what the campaign in {directory} was started with, given "exclude"'
     assert f"changed.toml: design.jumps: {said}; another needs another directory" in err
     assert run("campaign", file, "-o", directory, "--no-plots")[0] == 0
-
-
-def test_a_campaign_from_before_files_said_so_excludes_jumps(run: Any, file: Path, tmp_path: Path) -> None:
-    directory = tmp_path / "run"
-    strict = edited(file, tmp_path / "strict.toml", {"seed = 0": 'jumps = "exclude"\nseed = 0'})
-    assert run("campaign", strict, "-o", directory, "--no-plots")[0] == 0
-    path = directory / "campaign.json"
-    data = json.loads(path.read_text())
-    assert data["problem"].pop("jumps") == "exclude"
-    path.write_text(sealed_json({name: value for name, value in data.items() if name != "sha256"}))
-    assert fp.Campaign.load(directory).problem.jumps == "exclude"
-    points = (directory / "batch_1.csv").read_bytes()
-    assert run("campaign", strict, "-o", directory, "--no-plots")[0] == 0
-    assert (directory / "batch_1.csv").read_bytes() == points
-    code, _, err = run("campaign", file, "-o", directory, "--no-plots")
-    assert code == 2 and 'design.jumps: expected "exclude"' in err
 
 
 @pytest.mark.parametrize(

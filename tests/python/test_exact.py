@@ -240,7 +240,7 @@ def test_what_stops_the_search_is_told_with_what_is_proven_until_then() -> None:
     done = fp.exact(QUADRATIC, inputs(GRID), 8)
     assert "proven D-optimal among 9 candidates, to 1e-6" in repr(done) and "there may be" not in str(done)
     assert fp.exact(QUADRATIC, inputs(GRID), 8, gap=0.1).nodes <= 1
-    assert "too many" in str(replace(stopped, stop_reason="candidates"))
+    assert "too many" in str(replace(stopped, stop_reason=fp.StopReason.too_many_candidates))
 
     def interrupt(progress: fp.ExactProgress) -> None:
         assert progress.nodes == 1 and 0 < progress.efficiency <= 1 and progress.open >= 1 and progress.seconds > 0

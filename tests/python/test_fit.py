@@ -137,7 +137,7 @@ def test_an_unknown_at_its_bound_is_not_free(known: bool) -> None:
     assert fit.to_dict()["parameters"]["b"]["standard_error"] is None
     # Its own interval is that of the likelihood; it ends where the bound is.
     profile = fit.profile("b")
-    assert profile.ends == ("found", "at its bound") and profile.interval[1] == pytest.approx(1.0)
+    assert profile.ends == ("converged", "at_bound") and profile.interval[1] == pytest.approx(1.0)
     posterior = fit.posterior()  # of which the spread is that of both, were b free
     free = fp.estimate(line, data, noise_std={"y": 0.5})
     assert not known or posterior.std["b"] == pytest.approx(free.standard_errors["b"])
@@ -158,7 +158,7 @@ def test_a_logarithm_that_runs_off_is_no_minimum() -> None:
     data = fp.Measurements(fp.Experiments(np.empty((6, 0)), u), 2 * u)
     start = fp.GaussianPrior({"k": 1.0}, {"k": 0.5}, log=["k"])
     fit = fp.estimate(model, data, start=start, noise_std={"y": 0.1})
-    assert not fit.converged and fit.message in str(fit)
+    assert not fit.converged and fit.stop_reason.words in str(fit)
     assert fp.estimate(model, data, start=start, noise_std={"y": 0.1}, bounds={"k": (None, 10.0)}).at_bounds == ("k",)
 
 

@@ -14,8 +14,10 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.basics.files import sealed_json
+from fisherpoint.basics.kept import encoded
 from fisherpoint.design.configuration import load_config
 from fit_cases import EXAMPLES, decay
+from saved_places import DELETE, edited
 
 
 def test_files_hold_the_fit_and_are_whole(tmp_path: Path) -> None:
@@ -80,17 +82,18 @@ def test_a_file_that_is_no_fit_is_told(tmp_path: Path) -> None:
     fit.save(tmp_path)
     path = tmp_path / "fit.json"
     text, whole = path.read_text(), json.loads(path.read_text())
-    older = {name: value for name, value in whole.items() if name not in ("format", "format_version", "state")}
+    older = {name: value for name, value in whole.items() if name not in ("format", "format_version", "content")}
     del whole["sha256"]
-    short = whole | {"state": whole["state"] | {"values": [1.0]}}
-    without = whole | {"state": {name: value for name, value in whole["state"].items() if name != "data"}}
+    short, without = json.loads(json.dumps(whole)), json.loads(json.dumps(whole))
+    edited(short, "values", encoded(np.ones(1)))
+    edited(without, "data", DELETE)
     for broken, message in (
         (text[: len(text) // 2], "expected a whole JSON file"),
-        (json.dumps(older), "expected a file of format 'fisherpoint fit'"),
+        (json.dumps(older), "expected a file of format 'fisherpoint FitState'"),
         (text.replace('"reached": 1', '"reached": 2'), "expected the file as it was written"),
         (json.dumps(short), "expected the file as it was written"),
-        (sealed_json(short), "values: expected 2 unknowns, c_0, k"),
-        (sealed_json(without), "fit.json: data: expected a complete entry, given one without or with a wrong 'data'"),
+        (sealed_json(short), "values: expected 2 along axis 0"),
+        (sealed_json(without), "fit.json: data: expected an entry, given none"),
     ):
         path.write_text(broken)
         with pytest.raises(ValueError, match=re.escape(message)):

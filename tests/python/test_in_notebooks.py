@@ -73,7 +73,7 @@ SHOWN: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "record": (lambda: fp.Record([0.0, 1.0], [0.0, 0.1], [1.0, np.nan]), ("2 samples", "<th>t</th>", "u[0]", "<td>-</td>")),
     "profile": (
         lambda: fit().profile("k"),
-        ("k [1/s] = 0.", "95 % interval", "by profile likelihood", "by standard error", "found"),
+        ("k [1/s] = 0.", "95 % interval", "by profile likelihood", "by standard error", "converged"),
     ),
     "validation of a design": (
         lambda: fp.validate(problem(), points(), runs=30).designs["design"],

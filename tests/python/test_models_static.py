@@ -12,7 +12,7 @@ import fisherpoint as fp
 from fisherpoint.design import pictures as plots
 from fisherpoint.design import report
 from fisherpoint.design.frames import simulation_frame
-from fisherpoint.show.text import to_text
+from fisherpoint.show.section import to_text
 
 
 @fp.model(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.information.codec import problem_to_json
+from fisherpoint.basics.kept import encoded
 
 POINTS = fp.Experiments(np.empty((3, 0)), [[0.3], [1.0], [2.0]])
 COVARIANCE = {("a", "a"): 0.25, ("b", "b"): 0.25, ("c", "c"): 0.25, ("a", "b"): 0.2, ("a", "c"): 0.0, ("b", "c"): 0.05}
@@ -53,12 +53,12 @@ def test_the_order_of_a_prior_changes_no_bit(rule: fp.Rule) -> None:
 
 
 def test_a_saved_problem_tells_priors_apart_and_not_their_order() -> None:
-    given = problem_to_json(problem("abc", RULES[0]))
+    given = encoded(problem("abc", RULES[0]))
     for names in itertools.permutations("abc"):
-        assert problem_to_json(problem("abc", RULES[0], names)) == given
+        assert encoded(problem("abc", RULES[0], names)) == given
     other = fp.GaussianPrior(dict.fromkeys("cba", 1.0), covariance=prior("abc").covariance)  # c with b instead of a with b
     assert other != prior("abc")
-    assert problem_to_json(problem("abc", RULES[0]).replace(prior=other))["prior"] != given["prior"]
+    assert encoded(problem("abc", RULES[0]).replace(prior=other)) != given
 
 
 def test_equal_regions_have_equal_hashes() -> None:

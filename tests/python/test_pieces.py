@@ -181,7 +181,7 @@ def test_no_choice_is_above_the_bound_and_the_search_comes_close(seed: int, p: i
     values = np.linalg.slogdet(f[every].sum(axis=1))[1]
     best = float(values.max())
     search = PieceSearch(packed, Packed(p), windows, count)
-    assert search.run() == "no_exchange"
+    assert search.run() == "converged"
     offset = float(np.linalg.slogdet(f.sum(axis=0))[1])
     found = float(np.linalg.slogdet(f[search.chosen].sum(axis=0))[1])
     assert found <= best + 1e-9 <= search.bound + offset + 1e-8
@@ -233,7 +233,7 @@ def test_a_record_gives_the_best_of_all_choices_of_its_windows() -> None:
     assert chosen(design) == every[np.argmax(values)].tolist() and design.log_det == pytest.approx(values.max(), abs=1e-7)
     assert values.max() <= design.bound + 1e-7 and (design.efficiency or 0) > 0.9
     assert (np.diff(design.first) >= 20).all() and np.array_equal(design.t, record.t[design.first])
-    assert design.n_disjoint == 6 and design.stop_reason == "no_exchange"
+    assert design.n_disjoint == 6 and design.stop_reason == "converged"
     assert design.references["first"] == pytest.approx(values[every.tolist().index([0, 2, 4])], abs=1e-7)
     assert design.references["spread"] == pytest.approx(values[every.tolist().index([0, 4, 10])], abs=1e-7)
 

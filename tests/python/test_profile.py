@@ -115,7 +115,7 @@ def test_intervals_are_those_of_a_brute_force_grid(
     for parameter, interval in zip(fit.parameters, expected, strict=True):
         profile = fit.profile(parameter)
         width = interval[1] - interval[0]
-        assert profile.ends == ("found", "found")
+        assert profile.ends == ("converged", "converged")
         assert profile.interval == pytest.approx(interval, abs=0.01 * width)
         assert profile.interval == pytest.approx(interval, rel=0.01)
         assert profile.linear_interval == pytest.approx(fit.intervals()[parameter])
@@ -164,7 +164,7 @@ def test_of_two_outputs_with_unknown_noise_it_is_close_to_the_interval_by_studen
     fit = fp.estimate(model, data, start={"a": 0.0, "b": 1.0})
     for name in ("a", "b"):
         profile = fit.profile(name)
-        assert profile.ends == ("found", "found")
+        assert profile.ends == ("converged", "converged")
         width = profile.linear_interval[1] - profile.linear_interval[0]
         assert profile.interval == pytest.approx(profile.linear_interval, abs=0.05 * width)
         assert profile.deviance.min() > -1e-6
@@ -175,7 +175,7 @@ def test_an_end_that_does_not_exist_is_told() -> None:
     model, data, _ = data_of("michaelis_menten", michaelis_menten, [0.002, 0.003, 0.004, 0.005, 0.006], 1.0, seed=1)
     profile = fp.estimate(model, data, noise_std={"rate": 1.0}).profile("V")
     assert profile.interval[1] == np.inf
-    assert profile.ends == ("found", "not bounded")
+    assert profile.ends == ("converged", "not_bounded")
     assert np.isfinite(profile.interval[0])
     assert profile.deviance[-1] < profile.threshold
     assert "upper end: not bounded" in str(profile)
@@ -188,7 +188,7 @@ def test_an_end_at_a_bound_is_told() -> None:
     fit = fp.estimate(model, data, noise_std={"rate": 20.0}, bounds={"V": (100, 230)})
     profile = fit.profile("V")
     assert profile.interval[1] == pytest.approx(230)
-    assert profile.ends[1] == "at its bound"
+    assert profile.ends[1] == "at_bound"
 
 
 def test_a_positive_unknown_stays_positive_and_a_prior_takes_part() -> None:
@@ -200,7 +200,7 @@ def test_a_positive_unknown_stays_positive_and_a_prior_takes_part() -> None:
     assert 0 < low < fit.estimate["K"] < high < 0.3
     alone = fp.estimate(model, data, start=prior, noise_std={"rate": 20.0}).profile("K")
     assert alone.interval[0] == 0.0
-    assert alone.ends[0] in ("at its bound", "not bounded")
+    assert alone.ends[0] in ("at_bound", "not_bounded")
 
 
 def test_a_single_parameter() -> None:

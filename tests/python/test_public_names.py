@@ -52,6 +52,7 @@ RESULTS = (
     "RuleComparison",
     "RunDesign",
     "Status",
+    "StopReason",
     "Validation",
 )
 """What functions return, and nobody else makes."""

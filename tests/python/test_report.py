@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,7 +20,7 @@ from fisherpoint.design.evaluated import evaluate_points
 from fisherpoint.design.frames import parameter_frame, simulation_frame
 from fisherpoint.design.plots import plots_of
 from fisherpoint.show import numbers
-from fisherpoint.show.text import to_text
+from fisherpoint.show.section import to_text
 
 NOISE_STD = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
 RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1, c_L=0.3, V_0A=0.1, V_0B=0.1)
@@ -41,13 +41,12 @@ def design() -> fp.Design:
     return fp.exchange(problem(NOISE_STD, "pooled"), n_candidates=5, max_iterations=4)
 
 
-def with_changes(design: fp.Design, **changes: Any) -> Any:
-    """A design in which some attributes have other values."""
-    fields = (
-        "problem points evaluation under_noise trace rejected feasible drawn accepted stop_reason distinct_points "
-        "seconds settings efficiency n_previous previous_left_out feasibility scenarios ridge not_told too_few"
-    )
-    return SimpleNamespace(**{name: getattr(design, name) for name in fields.split()} | changes)
+def with_changes(design: fp.Design, **changes: Any) -> fp.Design:
+    """A design in which some fields, or what is computed of them and kept, have other values."""
+    names = {one.name for one in fields(design)}
+    changed = replace(design, **{name: value for name, value in changes.items() if name in names})
+    vars(changed).update({name: value for name, value in changes.items() if name not in names})
+    return changed
 
 
 def efficiency(**values: Any) -> Any:
@@ -122,13 +121,13 @@ def test_any_pooled_design_is_warned_of(design: fp.Design) -> None:
 @pytest.mark.parametrize(
     ("reason", "settings", "expected"),
     [
-        ("patience", {"method": fp.ExchangeMethod(patience=7)}, "no exchange for 7 iterations"),
+        ("patience", {"method": fp.ExchangeMethod(patience=7)}, "no exchange for too long: 7 iterations"),
         ("time_limit", {"time_limit": 2.5}, "the time limit of 2.5 s"),
         ("interrupted", {}, "interrupted"),
     ],
 )
 def test_the_stop_reason_is_a_sentence(design: fp.Design, reason: str, settings: dict[str, Any], expected: str) -> None:
-    changed = with_changes(design, stop_reason=reason, settings=replace(design.settings, **settings))
+    changed = with_changes(design, stop_reason=fp.StopReason(reason), settings=replace(design.settings, **settings))
     assert expected in words(to_text(report.design_report(changed)))
 
 

@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import root
 
 import fisherpoint as fp
+from fisherpoint.basics.kept import decoded, encoded
 from fisherpoint.design.configuration import load_config
-from fisherpoint.points.codec import points_to_json, runs_from_json
 
 LIFT = fp.SymbolicModel(
     f=["v", "(k*i - m*9.81 - d*v)/m", "(u - R*i - k*v)/L"],
@@ -146,7 +146,7 @@ def test_files_keep_what_a_controller_holds(tmp_path: Path) -> None:
     plain = lift_runs(RESTS[3])
     plain.to_csv(tmp_path / "plain.csv", LIFT)
     assert "rest_hold" not in (tmp_path / "plain.csv").read_text() and fp.Runs.from_csv(tmp_path / "plain.csv", LIFT) == plain
-    assert runs_from_json(points_to_json(runs)) == runs and pickle.loads(pickle.dumps(runs)) == runs
+    assert decoded(encoded(runs), fp.Runs) == runs and pickle.loads(pickle.dumps(runs)) == runs
     data = fp.Measurements(read, np.tile(np.linspace(0.2, 0.3, 3)[:, None], (3, 1, 3)))
     data.to_csv(tmp_path / "data.csv", LIFT)
     assert fp.Measurements.from_csv(tmp_path / "data.csv", LIFT) == data

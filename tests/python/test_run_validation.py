@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.basics.files import sealed_json
 from fisherpoint.validation.truths import Rig, Streams
 from run_cases import NOISE, THETA, drawn, tanks
 
@@ -103,16 +101,6 @@ def test_what_is_found_is_shown_and_kept(tmp_path: Path) -> None:
     again = fp.Validation.load(tmp_path / "kept.json")
     assert again.designs["runs"].points == RUNS and str(again) == text
     assert np.array_equal(again.designs["runs"].per_run.estimate, found.designs["runs"].per_run.estimate)  # type: ignore[union-attr]
-
-
-def test_files_from_before_there_were_runs_are_read(tmp_path: Path) -> None:
-    """What each virtual experiment gave was called Runs in them."""
-    found = fp.validate(problem(), {"points": RUNS.starts}, runs=20, theta="mean")
-    found.save(tmp_path / "kept.json")
-    data = json.loads((tmp_path / "kept.json").read_text().replace('"VirtualFits"', '"Runs"'))
-    del data["sha256"]
-    (tmp_path / "kept.json").write_text(sealed_json(data | {"format_version": 1}))
-    assert str(fp.Validation.load(tmp_path / "kept.json")) == str(found)
 
 
 def test_runs_that_do_not_serve_are_refused() -> None:

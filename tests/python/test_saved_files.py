@@ -93,6 +93,7 @@ def put(*place: str | int, value: Any) -> Callable[[Any], None]:
 
 
 EVALUATION = ("content", "Evaluation")
+DESIGN, FIT, CAMPAIGN = ("content", "Design"), ("content", "FitState"), ("content", "CampaignState")
 
 
 @pytest.mark.parametrize(
@@ -119,13 +120,25 @@ EVALUATION = ("content", "Evaluation")
         ),
         ("evaluation", put(*EVALUATION, "parameters", value=["k1", "k3"]), r"standard_errors: expected the names k1, k3, given"),
         ("feasibility", put("content", "Feasibility", "draws", value=0), r"draws: expected a positive number, given 0"),
-        ("design", put("stop_reason", value="tired"), r"stop_reason: expected one of max_iterations"),
-        ("design", put("efficiency", "at_most", value=None), r"efficiency.at_most: expected a value together with at_least"),
-        ("design", put("problem", "prior", "mean", "k1", value=[]), r"mean\['?k1'?\]: expected"),
-        ("fit", put("state", "noise_covariance", value=None), r"noise_covariance: expected numbers"),
-        ("fit", put("state", "converged", value=0), r"converged: expected bool, given int"),
-        ("fit", put("state", "weights", 0, 0, value=-1.0), r"wrong value: Matrix is not positive definite"),
-        ("campaign", put("batches", 0, "estimate", "k1", value=None), r"batches\[0\].estimate\['k1'\]: expected a number"),
+        ("design", put(*DESIGN, "stop_reason", "StopReason", value="tired"), r"stop_reason: expected one of converged"),
+        (
+            "design",
+            put(*DESIGN, "efficiency", "Efficiency", "at_most", value=None),
+            r"efficiency.at_most: expected a value together with at_least",
+        ),
+        (
+            "design",
+            put(*DESIGN, "problem", "DesignProblem", "prior", "GaussianPrior", "mean", "mapping", 0, 1, value=[]),
+            r"mean\['?k1'?\]: expected",
+        ),
+        ("fit", put(*FIT, "noise_covariance", value=None), r"noise_covariance: expected an array of float64"),
+        ("fit", put(*FIT, "noise_known", value=0), r"noise_known: expected a bool, given 0"),
+        ("fit", put(*FIT, "weights", "array", 0, value=-1.0), r"wrong value: Matrix is not positive definite"),
+        (
+            "campaign",
+            put(*CAMPAIGN, "batches", 0, "Batch", "estimate", "mapping", 0, 1, value=None),
+            r"batches\[0\].estimate\['k1'\]: expected a number",
+        ),
         ("validation", put("content", "Validation", "theta", value="past"), r"theta: expected 'prior', 'mean' or"),
     ],
 )

@@ -140,12 +140,12 @@ def code_lines() -> int:
 
 #: What is counted, and the most that is allowed.
 LIMITS: dict[Callable[[], int], int] = {
-    checks_of_points: 24,
-    protocols: 20,
-    json_functions: 35,
+    checks_of_points: 23,
+    protocols: 6,
+    json_functions: 2,
     long_signatures: 6,
-    shared_class_names: 10,
-    dialect: 30,
+    shared_class_names: 0,
+    dialect: 29,
     hanging_docstrings: 5,
     search_constants: 316,
 }

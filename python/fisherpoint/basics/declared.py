@@ -8,6 +8,7 @@ Types are those of the annotations. A class says the rest:
 `_CHOICES`     by field, the texts that it may be
 `_POSITIVE`    fields of numbers above zero, or of mappings of such; other whole numbers are at least 0
 `_NEEDS`       by field, another one that is not None where the field is not
+`_check_content`  a method that raises ValueError where entries do not fit each other in another way
 =============  =========================================================================================================
 
 An extent is another field: names or quantities, of which there are as many as entries, or a number of entries. "some parameters"
@@ -39,9 +40,9 @@ LARGEST_COUNT = 2**53
 def check_declared(given: Any, place: str = "") -> None:
     """Raise ValueError where a dataclass or a named tuple, or one within it, is not what is declared; the message says where."""
     kind: type = type(given)
-    hints = _hints(kind)
+    hints = types_of(kind)
     for name, hint in hints.items():
-        _check(getattr(given, name), hint, f"{place}.{name}" if place else name)
+        check_type_of(getattr(given, name), hint, f"{place}.{name}" if place else name)
     for name, choices in _said(kind, "_CHOICES").items():
         if (value := getattr(given, name)) not in choices:
             raise _wrong(f"{place}.{name}" if place else name, f"one of {', '.join(choices)}", value)
@@ -57,6 +58,8 @@ def check_declared(given: Any, place: str = "") -> None:
     for name, extents in _said(kind, "_EXTENTS").items():
         for at, value in _all_at(given, name.split("."), place):
             _check_extents(value, extents, given, free, at)
+    if (check := getattr(given, "_check_content", None)) is not None:
+        check()
 
 
 def _said(kind: type, name: str) -> Mapping[str, Any]:
@@ -64,9 +67,13 @@ def _said(kind: type, name: str) -> Mapping[str, Any]:
     return found
 
 
+def types_of(kind: type) -> Mapping[str, Any]:
+    """The types of the fields of a dataclass or a named tuple."""
+    return _types_of(kind)
+
+
 @lru_cache(maxsize=256)
-def _hints(kind: type) -> Mapping[str, Any]:
-    """The types of the fields."""
+def _types_of(kind: type) -> Mapping[str, Any]:
     hints = get_type_hints(kind)
     names = [one.name for one in fields(kind)] if is_dataclass(kind) else getattr(kind, "_fields", ())
     return {name: hints[name] for name in names if get_origin(hints[name]) is not ClassVar}
@@ -79,7 +86,8 @@ def _wrong(place: str, expected: str, given: Any) -> ValueError:
 # --- Types ---------------------------------------------------------------------------------------------------------------
 
 
-def _check(value: Any, hint: Any, place: str) -> None:
+def check_type_of(value: Any, hint: Any, place: str) -> None:
+    """Raise ValueError where a value is not of the type that an annotation says."""
     origin, arguments = get_origin(hint), get_args(hint)
     if hint is Any:
         return
@@ -93,7 +101,7 @@ def _check(value: Any, hint: Any, place: str) -> None:
         for name, entry in value.items():
             if not isinstance(name, str):
                 raise _wrong(place, "names as text", name)
-            _check(entry, arguments[1], f"{place}[{shown(name)}]")
+            check_type_of(entry, arguments[1], f"{place}[{shown(name)}]")
     elif origin is np.ndarray:
         (scalar,) = get_args(arguments[1])
         if not isinstance(value, np.ndarray) or not issubclass(value.dtype.type, scalar):
@@ -120,7 +128,7 @@ def _check_one_of(value: Any, kinds: Sequence[Any], place: str) -> None:
         return
     others = [kind for kind in kinds if kind is not type(None)]
     fitting = [kind for kind in others if isinstance(value, get_origin(kind) or (float | int if kind is float else kind))]
-    _check(value, (fitting or others)[0], place)
+    check_type_of(value, (fitting or others)[0], place)
 
 
 def _check_tuple(value: Any, kinds: Sequence[Any], place: str) -> None:
@@ -130,7 +138,7 @@ def _check_tuple(value: Any, kinds: Sequence[Any], place: str) -> None:
     if len(of_each) != len(value):
         raise _wrong(place, f"a list of {len(of_each)}", value)
     for k, (entry, kind) in enumerate(zip(value, of_each, strict=True)):
-        _check(entry, kind, f"{place}[{k}]")
+        check_type_of(entry, kind, f"{place}[{k}]")
 
 
 # --- Extents -------------------------------------------------------------------------------------------------------------

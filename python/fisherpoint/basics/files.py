@@ -20,6 +20,7 @@ from .checks import as_path
 from .messages import printable, shortened, shown
 from .standard_input import held
 
+Given = TypeVar("Given")
 Built = TypeVar("Built")
 
 MOST_BYTES = 500_000_000
@@ -161,8 +162,8 @@ def _sha256(data: Any) -> str:
     return hashlib.sha256(json.dumps(data, separators=(",", ":")).encode()).hexdigest()
 
 
-def parse_json(path: Path, given: bytes, kind: str, version: int, sealed_since: int = 1) -> dict[str, Any]:
-    """Return what a JSON file of this format, up to this version, says; from the version `sealed_since` on it has a checksum.
+def parse_json(path: Path, given: bytes, kind: str, version: int) -> dict[str, Any]:
+    """Return what a JSON file of this format and version says.
 
     Raises
     ------
@@ -180,16 +181,15 @@ def parse_json(path: Path, given: bytes, kind: str, version: int, sealed_since: 
     if not isinstance(data, dict) or data.get("format") != kind:
         raise ValueError(f"{printable(path)}: expected a file of format {kind!r}, given another")
     given_version = data.get("format_version")
-    if type(given_version) is not int or not 1 <= given_version <= version:
-        expected = " or ".join(map(str, range(1, version + 1)))
-        raise ValueError(f"{printable(path)}: expected format version {expected}, given {shown(given_version)}")
-    if seal != sha256 and (seal is not None or given_version >= sealed_since):
+    if type(given_version) is not int or given_version != version:
+        raise ValueError(f"{printable(path)}: expected format version {version}, given {shown(given_version)}")
+    if seal != sha256:
         given_seal = "one that was changed (its SHA-256 differs)" if seal is not None else "one without its SHA-256"
         raise ValueError(f"{printable(path)}: expected the file as it was written, given {given_seal}")
     return data
 
 
-def built_from(path: Path, what: str, data: dict[str, Any], build: Callable[[dict[str, Any]], Built]) -> Built:
+def built_from(path: Path, what: str, data: Given, build: Callable[[Given], Built]) -> Built:
     """Return what `build` makes of the data of a file; where it cannot, the ValueError names the file."""
     try:
         return build(data)

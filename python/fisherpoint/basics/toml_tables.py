@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
@@ -52,11 +52,6 @@ class Constant(Abbreviated):
     unit: str | None = None
 
 
-class HasUnit(Protocol):
-    @property
-    def unit(self) -> str | None: ...
-
-
 def validated(kind: type[Validated], data: dict[str, Any], path: str | Path, keys_of: KeysOf) -> Validated:
     """The table that the data of a file are, or a `ConfigError` that says what they lack."""
     try:
@@ -84,14 +79,14 @@ def missing_names(given: Iterable[str], expected: Iterable[str]) -> list[str]:
 
 def wrong_entries(
     table: str,
-    given: Mapping[str, HasUnit | None],
+    given: Mapping[str, str | None],
     quantities: Iterable[Quantity],
     missing: str = "",
     also: tuple[str, ...] = (),
 ) -> Iterator[str]:
     """A line for each wrong name, unit and, where `missing` says what is expected, missing entry of a table keyed by quantity.
 
-    An entry is None where it is wrong in itself, which is reported elsewhere.
+    Given are the units of its entries; None of one without, and of one that is wrong in itself, which is reported elsewhere.
     """
     units = {quantity.name: quantity.unit for quantity in quantities}
     yield from wrong_names(table, given, [*units, *also])
@@ -100,8 +95,7 @@ def wrong_entries(
         of = f" in {units[lost[0]]}" if len(lost) == 1 and units[lost[0]] != "1" else ""
         yield from missing_entries(table, lost, missing + of)
     for name, unit in units.items():
-        entry = given.get(name)
-        if entry is not None and (mistake := unit_mistake(entry.unit, unit, f"{table}.{name}.unit")) is not None:
+        if (mistake := unit_mistake(given.get(name), unit, f"{table}.{name}.unit")) is not None:
             yield mistake
 
 

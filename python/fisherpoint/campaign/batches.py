@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
 from ..data import Measurements
 from ..design.exchange import exchange
@@ -81,7 +82,7 @@ def designed(
         Where Ctrl-C ended the search, whatever it had found by then: another search would not stop there.
     """
     found = search_of(problem).search(problem, **vars(settings), threads=threads, progress=progress, previous=previous)
-    if found.stop_reason == "interrupted":
+    if found.stop_reason == StopReason.interrupted:
         raise KeyboardInterrupt
     able = found.feasibility
     required = found.settings.goal.share_of_plants

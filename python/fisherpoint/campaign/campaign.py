@@ -11,6 +11,7 @@ import numpy as np
 
 from ..basics.checks import check_type
 from ..basics.extras import needed_for
+from ..basics.kept import decoded, encoded
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
 from ..design.points.point_search import Progress
@@ -21,7 +22,6 @@ from ..design.settings_section import settings_section
 from ..estimation.estimate import EstimateProgress, estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
-from ..information.codec import problem_from_json, problem_to_json
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..information.run_information import checked_problem
@@ -34,7 +34,7 @@ from .files import CampaignFiles
 from .repeated import check_new
 from .report import campaign_report
 from .settings import batch_seed, batch_settings, checked_targets
-from .state import Batch, State
+from .state import Batch, CampaignState
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,18 +85,19 @@ class Campaign(Shown):
         **settings: Any,
     ) -> None:
         check_type(problem, DesignProblem, "problem")
-        state = State(problem, batch_settings(problem, batch, seed, settings), checked_targets(targets, problem))
+        state = CampaignState(problem, batch_settings(problem, batch, seed, settings), checked_targets(targets, problem))
         self._begin(state, None, threads)
         if directory is not None:
             self._keep_in(directory)
 
     def _keep_in(self, directory: str | Path) -> None:
         # What is read from a file has to lead to the same bits: so this campaign too works with what was written.
-        files = CampaignFiles(directory, problem_to_json(self.problem))
-        self._begin(replace(self._state, problem=problem_from_json(files.problem_json)), files, self._threads)
+        files = CampaignFiles(directory, self.problem)
+        state = decoded(encoded(self._state), CampaignState)
+        self._begin(state, files, self._threads)
         files.create(self._state)
 
-    def _begin(self, state: State, files: CampaignFiles | None, threads: int | None) -> None:
+    def _begin(self, state: CampaignState, files: CampaignFiles | None, threads: int | None) -> None:
         self._state, self._files, self._threads = state, files, resolve_threads(threads)
         self._fit: Fit | None = None
 
@@ -287,7 +288,7 @@ class Campaign(Shown):
             standard_errors=fit.standard_errors,
             chi_square=fit.chi_square,
             degrees_of_freedom=fit.degrees_of_freedom,
-            converged=fit.converged,
+            stop_reason=fit.stop_reason,
         )
         if self._files is not None:
             self._files.write_data(len(self.history) + 1, data, model)

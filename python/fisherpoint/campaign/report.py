@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
 from .batches import search_of
-from .state import State
+from .state import CampaignState
 
 MOST_COLUMNS = 6
 """Batches that are shown, the last ones."""
 
 
-def campaign_report(state: State, met: Mapping[str, bool], done: bool) -> Report:
+def campaign_report(state: CampaignState, met: Mapping[str, bool], done: bool) -> Report:
     """The report of a campaign."""
     history, names, targets = state.batches, state.problem.estimated, state.targets
     measured = Counter({} if history else {search_of(state.problem).kind: 0})
@@ -43,7 +43,7 @@ def campaign_report(state: State, met: Mapping[str, bool], done: bool) -> Report
     return Report(f"Campaign on {state.problem.model.name}: {so_far}", [table], warnings)
 
 
-def _goodness(state: State) -> list[str]:
+def _goodness(state: CampaignState) -> list[str]:
     """Whether the model describes the data, where the noise is known."""
     if state.problem.noise_std is None or not state.batches or not state.batches[-1].degrees_of_freedom > 1e-9:
         return []
@@ -55,7 +55,7 @@ def _goodness(state: State) -> list[str]:
     return [f"Chi-square {degrees} (p = {number(chance, 2)}){'' if chance > 0.001 else ': the model or the noise is wrong'}"]
 
 
-def _stage(state: State, met: Mapping[str, bool], done: bool) -> str:
+def _stage(state: CampaignState, met: Mapping[str, bool], done: bool) -> str:
     if done:
         return "All targets are met"
     lacking = [name for name, is_met in met.items() if not is_met]

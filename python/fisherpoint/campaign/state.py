@@ -1,4 +1,4 @@
-"""State of a campaign: its problem and settings, the batches that were measured, and the planned one."""
+"""CampaignState of a campaign: its problem and settings, the batches that were measured, and the planned one."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..basics.checks import check_type
 from ..basics.declared import Extents
+from ..basics.kept import Kept
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
 from ..information.problem import DesignProblem
 from ..points.runs import Points
-from .batches import Settings
+from .batches import Settings, search_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +30,8 @@ class Batch:
         Maximum a posteriori of all data up to this batch, SI units.
     chi_square, degrees_of_freedom : float
         Of all data up to this batch.
-    converged : bool
-        Whether the estimate is a minimum.
+    stop_reason : StopReason
+        Why the search for the estimate ended.
     """
 
     planned: Points | None
@@ -37,7 +40,12 @@ class Batch:
     standard_errors: Mapping[str, float]
     chi_square: float
     degrees_of_freedom: float
-    converged: bool
+    stop_reason: StopReason
+
+    @property
+    def converged(self) -> bool:
+        """Whether the estimate is a minimum."""
+        return self.stop_reason == StopReason.converged
 
     @property
     def rse(self) -> Mapping[str, float]:
@@ -46,7 +54,7 @@ class Batch:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class CampaignState(Kept):
     """All of a campaign: what else it knows follows from this.
 
     Attributes
@@ -72,6 +80,9 @@ class State:
         "batches.estimate": ("problem.unknowns",),
         "batches.standard_errors": ("problem.unknowns",),
     }
+
+    def _check_content(self) -> None:
+        check_type(self.settings, search_of(self.problem).settings, "settings")
 
     @property
     def estimate(self) -> Mapping[str, float]:

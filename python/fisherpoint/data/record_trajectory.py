@@ -16,9 +16,8 @@ from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import Integration, check_rtol
 from ..points.status import Status
 from ..show.numbers import counted
-from ..show.section import Report
+from ..show.section import Report, to_html
 from ..show.table_preview import first_rows, numbered
-from ..show.text import to_html
 from .record import checked_times, held_inputs
 
 

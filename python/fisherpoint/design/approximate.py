@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..basics.checks import as_positive, check_positive_int, check_type
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
 from ..information.combinations import combinations
 from ..information.prior_information import prior_information
@@ -20,7 +21,7 @@ from ..show.progress import Step, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
 from .optimality.averaged import MOST_OF_ALL, Averaged, EstimableOver, parted
 from .optimality.candidate_rows import CandidateRows
-from .optimality.continuous import Refinement, refined
+from .optimality.continuous import ABOVE, Refinement, refined
 from .optimality.estimability import NOT_TOLD, determined, not_told
 from .optimality.estimable import estimable
 from .optimality.goal import Goal, goal_of
@@ -170,6 +171,7 @@ def approximate(
             climb = Climbs(problem, rng, threads, elsewhere).run if fast else None
             found = refined(source, points, pool, criterion, weights, starts, tolerance, rng, climb, report)
     weights = found.weights
+    tolerance, early = (max(tolerance, ABOVE), StopReason.max_iterations) if found.starts else (tolerance, StopReason.rounding)
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information
     inner = criterion if not len(space.null) else criterion.within(space.orthonormal)
@@ -192,6 +194,7 @@ def approximate(
         sample=points[np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).astype(int)],
         left_out=left_out,
         deleted=weights.deleted,
+        stop_reason=StopReason.converged if weights.largest <= 1 + tolerance else early,
         seconds=time.perf_counter() - started,
     )
 
@@ -240,7 +243,7 @@ def _searched(
     )
     for k in range(SEARCHES):
         search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
-        if search.run(lambda now: report("searching", now.drawn)) == "interrupted":
+        if search.run(lambda now: report("searching", now.drawn)) == StopReason.interrupted:
             raise KeyboardInterrupt
         seen = search.seen.best(search.best.information, None, SEARCHED)
         if seen is not None:

@@ -13,9 +13,8 @@ import numpy as np
 from ..basics.checks import check_mapping, check_name, check_positive_int, check_type
 from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
-from ..basics.kept import Codec, Kept
+from ..basics.kept import Kept
 from ..basics.values import FrozenMapping
-from ..information.codec import problem_from_json, problem_to_json
 from ..information.evaluate import evaluate_under_noise
 from ..information.feasibility import Feasibility, feasibility
 from ..information.problem import DesignProblem
@@ -91,9 +90,7 @@ class DesignComparison(Shown, Kept):
     problem: DesignProblem
     designs: Mapping[str, ComparedDesign]
 
-    _INSIDE = (ComparedDesign, Feasibility)
     _EXTENTS: ClassVar[Extents] = {"designs": ("+",), "designs.standard_errors": ("problem.estimated",)}
-    _CODEC: ClassVar[Codec] = {DesignProblem: (problem_to_json, problem_from_json)}
 
     @property
     def efficiency(self) -> Mapping[str, float]:

@@ -29,7 +29,7 @@ from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Rule
 from .configuration_checks import mistakes_between, pair_of, valid_tables
 from .configuration_tables import (
-    Bounds,
+    BoundsEntry,
     CampaignTable,
     Correlation,
     CostTable,
@@ -301,6 +301,6 @@ def _keys_of(place: tuple[str, ...]) -> list[str]:
     if len(place) > 1:
         if place == ("runs", "rest"):
             return list(RestTable.model_fields)
-        entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "region": Bounds}
+        entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "region": BoundsEntry}
         return list(entries.get(place[0], Std).model_fields)
     return list((_TABLES[place[0]] if place else Config).model_fields)

@@ -12,7 +12,7 @@ from ..basics.quantity import names_of
 from ..basics.toml_messages import choices, toml
 from ..basics.toml_tables import missing_entries, missing_names, wrong_entries, wrong_names
 from ..models import Model
-from .configuration_tables import Bounds, PriorEntry, RegionTable, Std
+from .configuration_tables import BoundsEntry, PriorEntry, RegionTable, Std
 
 ENTRIES: Mapping[str, type[BaseModel]] = {
     "prior": PriorEntry,
@@ -20,7 +20,7 @@ ENTRIES: Mapping[str, type[BaseModel]] = {
     "uncertain": Std,
     "varies": Std,
     "initial_state_std": Std,
-    "region": Bounds,
+    "region": BoundsEntry,
 }
 """Tables with an entry for each quantity."""
 
@@ -53,10 +53,10 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
     parameters = list(names_of(model.parameters))
     design, campaign, rule = (tables.get(name) for name in ("design", "campaign", "rule"))
     if (prior := tables.get("prior")) is not None:
-        yield from wrong_entries("prior", prior, model.parameters, missing="{mean = ..., std = ... or relative_std = ...}")
+        yield from wrong_entries("prior", _units(prior), model.parameters, missing="{mean = ..., std = ... or relative_std = ...}")
     yield from _wrong_pairs(tables.get("prior_correlation") or {}, parameters)
     if (noise := tables.get("noise_std")) is not None:
-        yield from wrong_entries("noise_std", noise, model.outputs)
+        yield from wrong_entries("noise_std", _units(noise), model.outputs)
         if not noise:
             yield f"noise_std: expected at least one of {listed(names_of(model.outputs))}, given none"
     elif "noise_std" in tables and design is not None and design.output_covariance == "noise":
@@ -73,13 +73,13 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
             yield f"design.parameters: expected names from {choices(parameters, name)}, given {toml(name)}"
     for label in ("uncertain", "varies"):
         if (given := tables.get(label)) is not None:
-            yield from wrong_entries(label, given, (*model.constant_quantities, *model.parameters))
+            yield from wrong_entries(label, _units(given), (*model.constant_quantities, *model.parameters))
             for name in (name for name in given if name in estimated and design is not None):
                 yield f"{label}.{name}: expected a constant, or a parameter that is not among design.parameters, given one that is"
     for name in (name for name in tables.get("varies") or () if name in (tables.get("uncertain") or ())):
         yield f"varies.{name}: expected a name that is not in [uncertain], given one that is"
     if (starts := tables.get("initial_state_std")) is not None:
-        yield from wrong_entries("initial_state_std", starts, model.states)
+        yield from wrong_entries("initial_state_std", _units(starts), model.states)
     by_name = {"levels": "a whole number, 1 to keep the parameter at its mean", "edges": "a list of ascending numbers"}
     for key, expected in by_name.items():
         given = getattr(rule, key, None)
@@ -90,14 +90,19 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         yield from wrong_names("campaign.targets", campaign.targets, estimated)
 
 
-def _wrong_bounds(region: RegionTable | Mapping[str, Bounds | None] | None, model: Model) -> Iterator[str]:
+def _wrong_bounds(region: RegionTable | Mapping[str, BoundsEntry | None] | None, model: Model) -> Iterator[str]:
     if region is None:
         return
     bounds = region.bounds if isinstance(region, RegionTable) else region
-    yield from wrong_entries("region", bounds, model.axes, missing="[lower, upper]", also=("constraints",))
+    yield from wrong_entries("region", _units(bounds), model.axes, missing="[lower, upper]", also=("constraints",))
     for name, axis in bounds.items():
         if axis is not None and (len(axis.bounds) != 2 or axis.bounds[0] > axis.bounds[1]):
             yield f"region.{name}.bounds: expected [lower, upper] with lower <= upper, given {toml(axis.bounds)}"
+
+
+def _units(table: Mapping[str, Any]) -> dict[str, str | None]:
+    """The units of a table's entries; None where an entry is wrong, or has none."""
+    return {name: getattr(entry, "unit", None) for name, entry in table.items()}
 
 
 def _wrong_pairs(given: Mapping[str, float], parameters: list[str]) -> Iterator[str]:

@@ -88,7 +88,7 @@ Target = Annotated[Positive, AfterValidator(lambda given: _share(given, 1.0))]
 """A relative standard error."""
 
 
-class Bounds(Abbreviated):
+class BoundsEntry(Abbreviated):
     """Range of one state, input or of dt: a bare pair or ``{bounds, unit}``; equal bounds, or a number, fix the value."""
 
     bare, expected = (list, int, float), 'a pair [lower, upper], a number, or {bounds = [lower, upper], unit = "..."}'
@@ -111,11 +111,11 @@ class RegionTable(Table):
     """Bounds of every state, every input and dt, by name, and constraints between them."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Bounds] = Field(init=False)
+    __pydantic_extra__: dict[str, BoundsEntry] = Field(init=False)
     constraints: list[str] = Field(default_factory=list)
 
     @property
-    def bounds(self) -> dict[str, Bounds]:
+    def bounds(self) -> dict[str, BoundsEntry]:
         return self.__pydantic_extra__
 
 

@@ -4,31 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
-from ..information.evaluation import Evaluation
 from ..show.numbers import computed, percent_down
-from .optimality.criteria import Criterion
+from .found import FoundDesign
+from .found_runs import FoundRuns
 from .optimality.goal import SCALED
-from .settings import ExchangeSettings, RunSettings
+
+ByGoal: TypeAlias = FoundDesign | FoundRuns
+"""Designs of points or runs that a search has found."""
 
 
-class ByCriterion(Protocol):
-    """A design of points or runs."""
-
-    @property
-    def settings(self) -> ExchangeSettings | RunSettings: ...
-    @property
-    def evaluation(self) -> Evaluation: ...
-    @property
-    def criterion(self) -> Criterion: ...
-    @property
-    def value(self) -> float: ...
-
-
-def goal_facts(design: ByCriterion) -> Iterator[tuple[str, str]]:
+def goal_facts(design: ByGoal) -> Iterator[tuple[str, str]]:
     """The criterion and its value, but for log det F, which is always shown; and whether the prior counts."""
     goal = design.settings.goal
     if goal.prior_information:
@@ -48,7 +37,7 @@ def goal_facts(design: ByCriterion) -> Iterator[tuple[str, str]]:
         yield "restricted to", "what the design determines; what it leaves open stands below"
 
 
-def in_units(design: ByCriterion, value: float) -> str:
+def in_units(design: ByGoal, value: float) -> str:
     """A value of the objective at the prior mean, (7), in units of the criterion for all measurements."""
     if design.settings.goal.criterion == "D":
         return f"{value:.4f}"
@@ -62,7 +51,7 @@ def at_least(share: float) -> str:
     return f"at least {percent_down(share)}"
 
 
-def bound_of(design: ByCriterion, value: float) -> str:
+def bound_of(design: ByGoal, value: float) -> str:
     """The bound of the objective, in units of the criterion."""
     goal = design.settings.goal
     if goal.over is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 from ..information.evaluate import evaluate_design, evaluate_under_noise
 from ..information.evaluation import Evaluation
@@ -11,22 +10,19 @@ from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 
 
-class Evaluated(Protocol):
-    """What reports and pictures need: a :class:`fisherpoint.Design` has it, and :class:`EvaluatedPoints`."""
-
-    @property
-    def problem(self) -> DesignProblem: ...
-    @property
-    def points(self) -> Experiments: ...
-    @property
-    def evaluation(self) -> Evaluation: ...
-    @property
-    def under_noise(self) -> Evaluation | None: ...
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class EvaluatedPoints:
-    """Points that were not designed here, with their evaluation under the criterion's D and under the sensor noise."""
+    """Points with their evaluation; `FoundDesign` adds how they were found.
+
+    Attributes
+    ----------
+    problem : DesignProblem
+    points : Experiments
+    evaluation : Evaluation
+        Under the problem's output covariance; of the previous points, where there are any, and these together.
+    under_noise : Evaluation or None
+        Under the sensor noise alone; None where it is not known.
+    """
 
     problem: DesignProblem
     points: Experiments

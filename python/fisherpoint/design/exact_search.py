@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from .average import Average
 from .optimality.branch_and_bound import BranchAndBound, ExactProgress, similar_first
@@ -44,12 +45,12 @@ class Limits:
         return self.time_limit is not None and time.perf_counter() - self.started >= self.time_limit
 
 
-class Found(NamedTuple):
+class FoundCounts(NamedTuple):
     """Counts of the candidates (K,), the proven efficiency, why it ended, nodes, and candidates that were not deleted."""
 
     counts: Counts
     efficiency: float
-    stop_reason: str
+    stop_reason: StopReason
     nodes: int
     left: int
 
@@ -81,16 +82,16 @@ class ExactSearch:
         self.counts: Counts | None = None
         self.value = -np.inf
 
-    def run(self, progress: Callable[[ExactProgress], None] | None) -> Found:
+    def run(self, progress: Callable[[ExactProgress], None] | None) -> FoundCounts:
         """Search until the best design is known, or something ends it; where none determines enough, the efficiency is 0."""
-        left, stop_reason, nodes, bound = np.arange(len(self._pool)), "interrupted", 0, self._bound()
+        left, stop_reason, nodes, bound = np.arange(len(self._pool)), StopReason.interrupted, 0, self._bound()
         search: BranchAndBound | None = None
         try:
             left = self._looked_at()
             if not len(left):
-                stop_reason, bound = "proven", min(bound, self.value + self._limits.gap)
+                stop_reason, bound = StopReason.proven, min(bound, self.value + self._limits.gap)
             elif len(left) > MOST_LEFT:
-                stop_reason = "candidates"
+                stop_reason = StopReason.too_many_candidates
             elif np.isfinite(self.value):
                 search, left = self._branch_and_bound(left)
                 box = Box(np.zeros(len(left), dtype=np.int64), self._most(left))
@@ -106,7 +107,7 @@ class ExactSearch:
                 self.value, counts = search.value, np.zeros(len(self._prices), dtype=np.int64)
                 counts[left] = search.counts
         efficiency = float(np.exp(min(self.value - bound, 0.0))) if np.isfinite(self.value) else 0.0
-        return Found(counts, efficiency, stop_reason, nodes, len(left))
+        return FoundCounts(counts, efficiency, stop_reason, nodes, len(left))
 
     def _looked_at(self) -> NDArray[np.intp]:
         """Exchange over the best candidates, and those that are left of all after that."""

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..basics.checks import check_type
+from ..basics.stop_reason import StopReason
 from ..information.candidates import surviving
 from ..information.evaluation import Evaluation
 from ..information.nuisance import beside_nuisance
@@ -139,7 +140,7 @@ def designs(
     with following(progress, "iteration", points_step(settings.goal), "drawing the first points") as report:
         search = _search(problem, settings, threads, known, kept, scenarios)
         stop_reason = search.run(report)
-        interrupted = stop_reason == "interrupted"
+        interrupted = stop_reason == StopReason.interrupted
         if not interrupted:
             check_determined(search)
         efficiency = None
@@ -154,7 +155,7 @@ def designs(
             try:
                 efficiency = _references(search, evaluation, under_noise)
             except KeyboardInterrupt:
-                stop_reason = "interrupted"
+                stop_reason = StopReason.interrupted
     yield Design(**vars(search.found(stop_reason, evaluation, under_noise, efficiency, left_out)))
 
 
@@ -233,7 +234,7 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
     best_found = None
     if search.d.kind != "noise":
         other = _search(problem, replace(settings, seed=settings.seed + 1), search.threads, search.previous, search.kept)
-        if other.run(None) == "interrupted":
+        if other.run(None) == StopReason.interrupted:
             raise KeyboardInterrupt
         best_found = other.best.log_det
         seen.include(other.seen)

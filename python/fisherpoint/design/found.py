@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from ..basics.declared import Choices, Extents
+from ..basics.declared import Extents
+from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
-from ..information.evaluation import Evaluation
 from ..information.feasibility import Feasibility, feasibility
-from ..information.problem import DesignProblem
-from ..points.experiments import Experiments
 from ..points.runs import Runs
 from .efficiency import Efficiency
+from .evaluated import EvaluatedPoints
 from .optimality.criteria import Criterion
 from .optimality.goal_criterion import criterion_of_design
 from .scenario_values import ScenarioValues
@@ -25,8 +24,6 @@ DRAWS = 1000
 
 UNSEEN = 1_000_003
 """Added to the seed for these plants."""
-
-STOP_REASONS = ("max_iterations", "patience", "time_limit", "interrupted", "converged")
 
 
 @dataclass(frozen=True)
@@ -45,16 +42,13 @@ class TraceRecord:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FoundDesign:
+class FoundDesign(EvaluatedPoints):
     """The points that `exchange` found, with everything needed to judge and to repeat them.
 
     Attributes
     ----------
-    points : Experiments
-    evaluation : Evaluation
-        Under the problem's output covariance; of the previous points, where there are any, and these together.
-    under_noise : Evaluation or None
-        Under the sensor noise alone; None where it is not known.
+    problem, points, evaluation, under_noise
+        As of `EvaluatedPoints`.
     scenarios : ScenarioValues or None
         What the design is worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
     efficiency : Efficiency or None
@@ -64,10 +58,9 @@ class FoundDesign:
     rejected : mapping of reason to int
         Candidates that are no points; drawn = accepted + their sum.
     drawn, accepted : int
-    stop_reason : {"max_iterations", "patience", "time_limit", "interrupted", "converged"}
+    stop_reason : StopReason
     seconds : float
     settings : ExchangeSettings
-    problem : DesignProblem
     n_previous : int
         Points whose information was already collected: the evaluations count them, `points` does not have them.
     n_kept : int
@@ -82,17 +75,13 @@ class FoundDesign:
         none were. No figure of the design contains it.
     """
 
-    problem: DesignProblem
     settings: ExchangeSettings
-    points: Experiments
-    evaluation: Evaluation
-    under_noise: Evaluation | None
     efficiency: Efficiency | None
     trace: tuple[TraceRecord, ...]
     rejected: Mapping[str, int]
     drawn: int
     accepted: int
-    stop_reason: str
+    stop_reason: StopReason
     seconds: float
     n_previous: int = 0
     n_kept: int = 0
@@ -109,7 +98,6 @@ class FoundDesign:
         "scenarios.standard_errors": ("problem.estimated",),
         "not_told": ("*", "some problem.estimated"),
     }
-    _CHOICES: ClassVar[Choices] = {"stop_reason": STOP_REASONS}
 
     @cached_property
     def criterion(self) -> Criterion:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -41,8 +40,6 @@ class OverPrior:
     _: KW_ONLY
     scenarios: Rule | Sequence[Mapping[str, float]] = field(default=Sobol(8))
     share: float = 0.25
-
-    _COMPLETE: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__

@@ -3,28 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
 
 import numpy as np
 
-from ..information.problem import DesignProblem
 from ..prior.rules import Rule
 from ..show.numbers import computed, counted
 from ..show.section import Section
-from .criterion_report import ByCriterion
-from .scenario_values import ScenarioValues
+from .criterion_report import ByGoal
 
 
-class OverScenarios(ByCriterion, Protocol):
-    """A design of points or runs, over the prior."""
-
-    @property
-    def problem(self) -> DesignProblem: ...
-    @property
-    def scenarios(self) -> ScenarioValues | None: ...
-
-
-def over_sections(design: OverScenarios) -> Iterator[Section]:
+def over_sections(design: ByGoal) -> Iterator[Section]:
     """What was maximised, its parts, and the standard errors; nothing where the criterion is of the prior mean."""
     values, over = design.scenarios, design.settings.goal.over
     if values is None or over is None:

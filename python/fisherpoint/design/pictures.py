@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from ..basics.checks import check_choice
 from ..show.standard_errors import standard_error_figure
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
-from .evaluated import Evaluated
+from .evaluated import EvaluatedPoints
 from .found import FoundDesign
 from .pictures_points import plot_points
 from .pictures_trajectories import plot_trajectories
@@ -49,7 +49,7 @@ def plot_criterion(design: FoundDesign) -> Figure:
     return figure
 
 
-def plot_standard_errors(design: Evaluated) -> Figure:
+def plot_standard_errors(design: EvaluatedPoints) -> Figure:
     """Predicted standard errors under the sensor noise next to the prior's, as a share of the prior std on a logarithmic axis.
 
     Raises
@@ -64,7 +64,7 @@ def plot_standard_errors(design: Evaluated) -> Figure:
     return standard_error_figure(evaluation.standard_errors, evaluation.prior_std, "under the sensor noise", units)
 
 
-def plot_correlation(design: Evaluated) -> Figure:
+def plot_correlation(design: EvaluatedPoints) -> Figure:
     """Correlation of the estimates, under the sensor noise where it is known."""
     return (design.under_noise or design.evaluation).plot("correlation")
 

@@ -19,7 +19,7 @@ from ..basics.quantity import DURATION, Quantity
 from ..models import Model
 from ..show.durations import AxisScale, axis_scale, make_logarithmic, mark
 from ..show.style import PRIOR, STYLE, TEXT, Picture, scale, settle
-from .evaluated import Evaluated
+from .evaluated import EvaluatedPoints
 from .paths import FRACTIONS, paths_of
 from .pictures_responses import free_axis, plot_responses
 
@@ -39,7 +39,7 @@ SAME_PLACE = 3.0
 """Starts that are closer on paper, in points of 1/72 inch, share one label."""
 
 
-def plot_points(design: Evaluated) -> Figure:
+def plot_points(design: EvaluatedPoints) -> Figure:
     """The points in the state space, from start (numbered) to end (arrow), coloured by the first input, or else by dt.
 
     Points without a state are shown over the inputs. Where the region leaves a single coordinate free, `plot_responses` is drawn.
@@ -96,7 +96,7 @@ def _panels(model: Model) -> list[tuple[Quantity, Quantity]]:
     return _pairs(model.states, model.inputs[:1]) + [(dt, other) for other in model.inputs or model.states[:1]]
 
 
-def _is_free(design: Evaluated, quantity: Quantity) -> bool:
+def _is_free(design: EvaluatedPoints, quantity: Quantity) -> bool:
     """Whether points differ in a quantity, or may by the region; outputs do."""
     if quantity not in design.problem.model.axes:
         return True
@@ -114,7 +114,7 @@ def _pairs(quantities: Sequence[Quantity], partner: Sequence[Quantity]) -> list[
 
 def _point_panel(
     axes: Axes,
-    design: Evaluated,
+    design: EvaluatedPoints,
     horizontal: Quantity,
     vertical: Quantity,
     values: dict[str, Floats],
@@ -213,13 +213,15 @@ def _densely(path: Floats) -> Floats:
     return np.column_stack([np.interp(at, along, path[:, 0]), np.interp(at, along, path[:, 1])])
 
 
-def _coordinates(design: Evaluated, horizontal: Quantity, vertical: Quantity, values: dict[str, Floats]) -> tuple[Floats, Floats]:
+def _coordinates(
+    design: EvaluatedPoints, horizontal: Quantity, vertical: Quantity, values: dict[str, Floats]
+) -> tuple[Floats, Floats]:
     """Both coordinates (K, T) of the points' paths in the units of the axes."""
     x, y = np.broadcast_arrays(*(_scale(design, q, values).factor * values[q.name] for q in (horizontal, vertical)))
     return x, y
 
 
-def _scale(design: Evaluated, quantity: Quantity, values: dict[str, Floats]) -> AxisScale:
+def _scale(design: EvaluatedPoints, quantity: Quantity, values: dict[str, Floats]) -> AxisScale:
     """Scale of an axis by the region's bounds and by the points; only durations of points are ever logarithmic."""
     limits = _limits(design, quantity, values)
     if quantity is DURATION:
@@ -227,7 +229,7 @@ def _scale(design: Evaluated, quantity: Quantity, values: dict[str, Floats]) -> 
     return AxisScale(*scale(quantity, limits), False)
 
 
-def _limits(design: Evaluated, quantity: Quantity, values: dict[str, Floats]) -> tuple[float, float]:
+def _limits(design: EvaluatedPoints, quantity: Quantity, values: dict[str, Floats]) -> tuple[float, float]:
     """The region's bounds of a quantity, or the range of its values where there is no region."""
     if design.problem.region is not None and quantity.name in design.problem.region.bounds:
         low, high = design.problem.region.bounds[quantity.name]

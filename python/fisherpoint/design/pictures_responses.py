@@ -18,7 +18,7 @@ from ..points.simulate import simulate
 from ..points.status import Status
 from ..show.durations import axis_scale, make_logarithmic
 from ..show.style import NOISE, STYLE, TEXT, Picture, labelled, scale, settle
-from .evaluated import Evaluated
+from .evaluated import EvaluatedPoints
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ ABOVE, LIFTED, DIGIT = 6.0, 90.0, 4.8
 """Place of labels, in points of 1/72 inch: the least and largest height above the point, and the width of a character."""
 
 
-def free_axis(design: Evaluated) -> Quantity | None:
+def free_axis(design: EvaluatedPoints) -> Quantity | None:
     """The coordinate of a point that the region leaves free, where it is the only one."""
     region = design.problem.region
     if region is None:
@@ -44,7 +44,7 @@ def free_axis(design: Evaluated) -> Quantity | None:
     return free[0] if len(free) == 1 else None
 
 
-def plot_responses(design: Evaluated) -> Figure:
+def plot_responses(design: EvaluatedPoints) -> Figure:
     """Every output at the prior mean over the only free coordinate, with the points and one std of the noise.
 
     Raises

@@ -19,7 +19,7 @@ from ..points.experiments import Experiments
 from ..show.durations import duration, make_logarithmic
 from ..show.early import begin, is_fast
 from ..show.style import NOISE, STYLE, TEXT, Picture, labelled, said, scale, telling
-from .evaluated import Evaluated
+from .evaluated import EvaluatedPoints
 from .paths import FRACTIONS, paths_of
 
 Floats = NDArray[np.float64]
@@ -48,7 +48,7 @@ class _Row(NamedTuple):
     is_log: bool
 
 
-def plot_trajectories(design: Evaluated, max_points: int = 24, plants: int = 200, seed: int = 0) -> Figure:
+def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int = 200, seed: int = 0) -> Figure:
     """Every point's outputs over time with their spread over the prior: a row per point, or of points alike, a column per output.
 
     Parameters

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ..show.shown import Plots
-from .evaluated import Evaluated
+from .evaluated import EvaluatedPoints
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,7 +15,7 @@ PICTURES = ("criterion.png", "points.png", "standard_errors.png", "correlation.p
 """What the command line may draw of a design; of points that are evaluated, all but the first."""
 
 
-def plots_of(design: Evaluated) -> Plots:
+def plots_of(design: EvaluatedPoints) -> Plots:
     """The pictures of evaluated points that have something to show."""
     names = ["points"]
     if design.under_noise is not None:
@@ -26,7 +26,7 @@ def plots_of(design: Evaluated) -> Plots:
     return {name: partial(_drawn, name, design) for name in names}
 
 
-def _drawn(name: str, design: Evaluated) -> Figure:
+def _drawn(name: str, design: EvaluatedPoints) -> Figure:
     from .pictures import PLOTS
 
     return PLOTS[name](design)

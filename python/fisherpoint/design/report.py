@@ -11,6 +11,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
+from ..basics.stop_reason import StopReason
 from ..information.evaluation import WITH_PRIOR, value_of_criterion
 from ..information.feasibility import Feasibility
 from ..information.nearby import DISTANCE, Nearby, times
@@ -23,7 +24,7 @@ from ..show.numbers import column, computed, counted, number, percent
 from ..show.section import Report, Section
 from .criterion_report import at_least, bound_of, goal_facts, in_units
 from .efficiency import Efficiency
-from .evaluated import Evaluated
+from .evaluated import EvaluatedPoints
 from .found import FoundDesign
 from .over_report import over_sections
 from .settings import searched_by
@@ -77,7 +78,7 @@ def _plants_warnings(design: FoundDesign) -> Iterator[str]:
         )
 
 
-def evaluation_report(evaluated: Evaluated) -> Report:
+def evaluation_report(evaluated: EvaluatedPoints) -> Report:
     """The report of evaluated points: points, parameters, criterion, warnings."""
     sections = [_points_table(evaluated), _parameter_table(evaluated), _criterion(evaluated)]
     return Report(_headline(evaluated), sections, list(_warnings(evaluated)))
@@ -101,7 +102,7 @@ def _header(quantity: Quantity) -> str:
     return f"{quantity.name} [{quantity.unit}]"
 
 
-def _headline(evaluated: Evaluated) -> str:
+def _headline(evaluated: EvaluatedPoints) -> str:
     parameters, points = evaluated.evaluation.parameters, evaluated.points
     previous = getattr(evaluated, "n_previous", 0)
     beside = f" beside {previous} previous ones" if previous else ""
@@ -112,7 +113,7 @@ def _headline(evaluated: Evaluated) -> str:
     )
 
 
-def _points_table(evaluated: Evaluated, most: int = ROWS) -> Section:
+def _points_table(evaluated: EvaluatedPoints, most: int = ROWS) -> Section:
     table = points_section("Points", evaluated.problem.model, evaluated.points, most)
     return replace(table, notes=[*table.notes, *_kept(evaluated)])
 
@@ -126,7 +127,7 @@ def points_section(title: str, model: Model, points: Experiments, most: int = RO
     return Section(title, ["#", *map(_header, model.axes)], rows, notes=_more(len(points), most))
 
 
-def _kept(evaluated: Evaluated) -> list[str]:
+def _kept(evaluated: EvaluatedPoints) -> list[str]:
     return kept_note("Point", getattr(evaluated, "n_kept", 0))
 
 
@@ -141,7 +142,7 @@ def _more(total: int, most: int = ROWS) -> list[str]:
     return [f"... and {total - most} more"] if total > most else []
 
 
-def _parameter_table(evaluated: Evaluated) -> Section:
+def _parameter_table(evaluated: EvaluatedPoints) -> Section:
     """Standard errors under the sensor noise; none where it is not known, as no other D promises any."""
     problem, under_noise = evaluated.problem, evaluated.under_noise
     if under_noise is None:
@@ -178,7 +179,7 @@ def _parameter_table(evaluated: Evaluated) -> Section:
     return Section(f"Parameters, predicted under {noise}", columns, rows, marked, notes)
 
 
-def _criterion(evaluated: Evaluated) -> Section:
+def _criterion(evaluated: EvaluatedPoints) -> Section:
     evaluation = evaluated.evaluation
     facts = [
         ("output covariance D", _describe_covariance(evaluated.problem)),
@@ -255,15 +256,6 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
         yield Section(f"{name}-efficiency{under}", (), facts, notes=notes)
 
 
-_STOP = {
-    "max_iterations": "all iterations done",
-    "patience": "no exchange for {patience} iterations",
-    "time_limit": "the time limit of {time_limit:g} s",
-    "interrupted": "interrupted; this is the best design until then",
-    "converged": "nothing gained any more; whether there is a better design is not known",
-}
-
-
 _METHOD = {"paper": "paper: Algorithm 1, with moves of points", "auto": "auto: exchange over pools, and ascents of all numbers"}
 
 
@@ -271,13 +263,16 @@ def _search(design: FoundDesign) -> Section:
     settings, problem = design.settings, design.problem
     exchanges = sum(record.exchanged for record in design.trace)
     last = design.trace[-1].iteration if design.trace else 0
-    stop = _STOP[design.stop_reason].format(patience=settings.method.patience, time_limit=settings.time_limit or 0)
+    limits = {
+        StopReason.patience: f": {counted(settings.method.patience or 0, 'iteration')}",
+        StopReason.time_limit: f" of {settings.time_limit or 0:g} s",
+    }
     rate = f" ({design.drawn / design.seconds:.0f} per second)" if design.seconds > 0 else ""
     method = searched_by(settings.method.name, problem)
     each = f", {settings.n_candidates} per iteration" if method == "paper" else ""
     facts = [
         ("method", _METHOD[method]),
-        ("stopped by", stop),
+        ("stopped by", design.stop_reason.words + limits.get(design.stop_reason, "")),
         ("iterations", f"{last} of at most {settings.max_iterations}, {counted(exchanges, 'exchange')}"),
         (
             "candidates",
@@ -287,11 +282,11 @@ def _search(design: FoundDesign) -> Section:
         ("distinct points", f"{design.distinct_points} of {len(design.points)}"),
         ("seed, time", f"{settings.seed}, {design.seconds:.1f} s"),
     ]
-    facts += ridge_facts(design)
+    facts += ridge_facts(design.ridge)
     if design.previous_left_out:
         lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
         facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))
-    return Section("Search", (), facts)
+    return Section("Search", (), facts, notes=[design.stop_reason.advice])
 
 
 _CONSTRAINT = "The point violates a constraint of the region; tighter bounds would waste fewer draws."
@@ -312,12 +307,12 @@ def _counts(title: str, counts: Mapping[str, int], total: int, share: str) -> Se
     return Section(title, ("what", "number", share, "advice"), rows)
 
 
-def _warnings(evaluated: Evaluated) -> Iterator[str]:
+def _warnings(evaluated: EvaluatedPoints) -> Iterator[str]:
     """What the user should not miss, each as a paragraph."""
     places = list(outside(evaluated.problem.model, evaluated.problem.region, evaluated.points))
     if places:
         yield f"Outside of the region: {few(places, 10)}."
-    if hasattr(evaluated, "efficiency"):
+    if isinstance(evaluated, FoundDesign):
         yield from _of_covariance(evaluated.evaluation.output_covariance_kind, evaluated.efficiency)
     if evaluated.evaluation.covariance is None:
         yield singular_warning(evaluated)
@@ -350,7 +345,7 @@ def _of_covariance(kind: str, efficiency: Efficiency | None) -> Iterator[str]:
         )
 
 
-def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:
+def _nearby_warnings(evaluated: EvaluatedPoints, nearby: Nearby) -> Iterator[str]:
     """What happens to the promise within what it promises."""
     problem = evaluated.problem
     if nearby.broken:
@@ -376,7 +371,7 @@ def _nearby_warnings(evaluated: Evaluated, nearby: Nearby) -> Iterator[str]:
         )
 
 
-def _losing(evaluated: Evaluated, nearby: Nearby) -> str:
+def _losing(evaluated: EvaluatedPoints, nearby: Nearby) -> str:
     """The points with less information there, as the report numbers them, and the verb."""
     previous = getattr(evaluated, "n_previous", 0)
     own = [str(k - previous + 1) for k in nearby.points if k >= previous]

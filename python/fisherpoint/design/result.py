@@ -9,15 +9,20 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..basics.checks import as_path
+from ..basics.csv_table import CsvTable
 from ..basics.extras import needed_for
-from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
+from ..basics.files import write_together
+from ..basics.kept import Kept
 from ..basics.messages import printable
+from ..basics.quantity import names_of
+from ..engine.versions import versions
 from ..information.problem_report import problem_sections
 from ..points.experiments import points_csv
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
-from .files import FORMAT, FORMAT_VERSION, design_from_json, design_to_json, has_points_of
 from .found import FoundDesign
 from .plots import PICTURES, plots_of
 from .report import ROWS_OF_PAGES, design_report
@@ -29,8 +34,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design(FoundDesign, Shown):
+class Design(FoundDesign, Shown, Kept):
     """The points that `exchange` found, with everything needed to judge and to repeat them; `FoundDesign` has its attributes."""
+
+    def _check_content(self) -> None:
+        if self.drawn != self.accepted + sum(self.rejected.values()):
+            raise ValueError(f"drawn: expected the sum of accepted and rejected, given {self.drawn}")
+        if self.n_kept > len(self.points):
+            raise ValueError(f"n_kept: expected at most {len(self.points)} points, given {self.n_kept}")
+        _ = self.criterion  # raises where the settings of the criterion do not fit
 
     def report(self) -> Report:
         """Points, parameters, criterion, efficiency and search as tables."""
@@ -86,7 +98,7 @@ class Design(FoundDesign, Shown):
         was there before, the command line's report and pictures go.
         """
         directory = as_path(directory, "directory")
-        contents = {"design.csv": points_csv(self.points, self.problem.model), "design.json": sealed_json(design_to_json(self))}
+        contents = {"design.csv": points_csv(self.points, self.problem.model), "design.json": self._file(versions=versions())}
         directory.mkdir(parents=True, exist_ok=True)
         write_together(directory, contents, stale=("report.txt", "report.html", *PICTURES))
 
@@ -102,13 +114,25 @@ class Design(FoundDesign, Shown):
             Where it is truncated, was changed, or is not a design of this format.
         """
         path = as_path(directory, "directory") / "design.json"
-        data = parse_json(path, read_bytes(path), FORMAT, FORMAT_VERSION, sealed_since=2)
-        design = Design(**built_from(path, "design", data, design_from_json))
+        design = super().load(path)
         table = path.with_name("design.csv")
-        if table.exists() and not has_points_of(design, table):
+        if table.exists() and not _has_points_of(design, table):
             warnings.warn(
                 f"{printable(table)}: expected the points of design.json, given others: it was changed since or is of another run; "
                 "the points of design.json count",
                 stacklevel=2,
             )
         return design
+
+
+def _has_points_of(design: FoundDesign, path: Path) -> bool:
+    """Whether a table has a design's points, whatever columns were filled in and to as many digits as spreadsheets keep."""
+    axes = design.problem.model.axes
+    try:
+        table = CsvTable(path)
+        table.read_decimal_commas(names_of(axes))
+        points = np.column_stack([table.complete(quantity) for quantity in axes])
+    except (OSError, ValueError, KeyError):
+        return False
+    own = design.points.table[:, : len(axes)]
+    return points.shape == own.shape and np.allclose(points, own, rtol=1e-12, atol=0.0)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from ..basics.checks import as_float, by_name, check_positive_int
 from ..basics.declared import Extents
 from ..basics.values import FrozenMapping
-from ..information.codec import log_det_from_json, number_to_json
 from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
 from .average import Average
@@ -81,38 +78,3 @@ def scenario_values(
         log_dets=tuple(log_dets.tolist()),
         standard_errors=FrozenMapping(errors),
     )
-
-
-def scenario_values_to_json(values: ScenarioValues | None) -> dict[str, Any] | None:
-    if values is None:
-        return None
-    return {
-        "value": number_to_json(values.value),
-        "parameters": [dict(one) for one in values.parameters],
-        "weights": list(values.weights),
-        "log_dets": [number_to_json(value) for value in values.log_dets],
-        "standard_errors": {name: [number_to_json(error) for error in of] for name, of in values.standard_errors.items()},
-    }
-
-
-def scenario_values_from_json(data: dict[str, Any] | None, names: tuple[str, ...]) -> ScenarioValues | None:
-    """What `scenario_values_to_json` wrote; files from before criteria over the prior have none."""
-    if data is None:
-        return None
-    count = check_positive_int(len(data["weights"]), "weights")
-    lists = {"parameters": data["parameters"], "log_dets": data["log_dets"], **data["standard_errors"]}
-    for label, given in lists.items():
-        if len(given) != count:
-            raise ValueError(f"{label}: expected {count} scenarios, given {len(given)}")
-    complete = partial(by_name, known=names, complete=True)
-    return ScenarioValues(
-        value=log_det_from_json(data["value"]),
-        parameters=tuple(complete(one, label="parameters", check=as_float) for one in data["parameters"]),
-        weights=tuple(as_float(weight, "weights") for weight in data["weights"]),
-        log_dets=tuple(log_det_from_json(value) for value in data["log_dets"]),
-        standard_errors=complete(data["standard_errors"], label="standard_errors", check=_errors),
-    )
-
-
-def _errors(given: Any, label: str) -> tuple[float, ...]:
-    return tuple(np.inf if error is None else as_float(error, label) for error in given)

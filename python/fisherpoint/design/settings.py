@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from ..basics.checks import (
     as_float,
@@ -13,10 +13,9 @@ from ..basics.checks import (
     check_positive_int,
     check_type,
 )
-from ..basics.kept import decoded, encoded
 from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
-from .optimality.goal import GOAL_CODEC, GOAL_INSIDE, Goal, with_default_confidence
+from .optimality.goal import Goal, with_default_confidence
 from .option import Key, option
 
 METHODS = ("paper", "auto")
@@ -78,8 +77,6 @@ class ExchangeMethod:
             most=1,
         ),
     )
-
-    _COMPLETE: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -147,8 +144,6 @@ class ExchangeSettings:
     seed: int = option(0, "seed", SEED, always=True)
     time_limit: float | None = option(None, "time limit", TIME_LIMIT)
 
-    _COMPLETE: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         set_field = object.__setattr__
         check_type(self.goal, Goal, "goal")
@@ -173,8 +168,6 @@ class RunSettings:
 
     CONFIDENCE: ClassVar[float] = 0.99
     """Of a goal that has none."""
-
-    _COMPLETE: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -220,13 +213,3 @@ def check_goal(settings: ExchangeSettings, problem: DesignProblem) -> None:
             f'{name}: expected method = "auto", output_covariance = {covariances} and a model of equations, '
             f"given method {method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
         )
-
-
-def settings_json(settings: ExchangeSettings | RunSettings) -> Any:
-    """The settings as files have them."""
-    return encoded(settings, GOAL_CODEC)
-
-
-def read_settings(data: Any) -> Any:
-    """What `settings_json` wrote."""
-    return decoded(data, (ExchangeSettings, RunSettings, ExchangeMethod, *GOAL_INSIDE), GOAL_CODEC, "settings")

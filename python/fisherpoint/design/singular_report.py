@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
 
 from ..information.combinations import combinations
 from ..show.numbers import counted, number
-from .evaluated import Evaluated
+from .evaluated import EvaluatedPoints
 from .found import FoundDesign
 from .optimality.goal import OF_ALL
 
 GUIDE = "docs/how_to/singular.md"
 
 
-def singular_warning(evaluated: Evaluated) -> str:
+def singular_warning(evaluated: EvaluatedPoints) -> str:
     """What is left open, why, and what would help."""
     evaluation = evaluated.evaluation
     p, rank = len(evaluation.parameters), evaluation.rank
@@ -50,16 +49,9 @@ def singular_warning(evaluated: Evaluated) -> str:
     return f"{' '.join(sentences)} See {GUIDE}."
 
 
-class Searched(Protocol):
-    """Results of searches that may have met singular designs."""
-
-    @property
-    def ridge(self) -> float: ...
-
-
-def ridge_facts(design: Searched, exchanged: bool = True) -> Iterator[tuple[str, str]]:
+def ridge_facts(ridge: float, exchanged: bool = True) -> Iterator[tuple[str, str]]:
     """What was added to F while designs of the search were singular; `exchanged` where exchanges add more."""
-    if design.ridge:
+    if ridge:
         more = ", and in exchanges up to 1e-4 of the candidates' average information" if exchanged else ""
-        what = f"{number(design.ridge)} of the prior's information, to compare designs{more}; no figure here contains it"
+        what = f"{number(ridge)} of the prior's information, to compare designs{more}; no figure here contains it"
         yield "added to F while singular", what

@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..basics.checks import as_sequence, check_positive_int, check_type
 from ..basics.extras import needed_for
-from ..basics.kept import Codec, Kept
-from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
+from ..basics.kept import Kept
+from ..basics.stop_reason import StopReason
 from ..information.evaluation import Evaluation
 from ..information.point_information import PointInformation
 from ..information.previous import Previous, previous_information
@@ -29,7 +29,7 @@ from .cost import Cost
 from .exchange import check_determined, scenarios_of
 from .optimality.criteria import Criterion
 from .optimality.estimability import determined, not_told, refuse_open
-from .optimality.goal import GOAL_CODEC, GOAL_INSIDE, Goal, goal_of
+from .optimality.goal import Goal, goal_of
 from .points.candidate_archive import CandidateArchive
 from .points.point_search import PointSearch, Progress
 from .points.size_search import sized_searches
@@ -51,13 +51,6 @@ NO_TIME = 1e-9
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(SweptDesigns, Shown, Kept):
     """Designs of several sizes, as `sweep` found them; `SweptDesigns` has its attributes."""
-
-    _INSIDE = (SizedDesign, Cost, ExchangeSettings, ExchangeMethod, *GOAL_INSIDE)
-    _CODEC: ClassVar[Codec] = {
-        DesignProblem: (problem_to_json, problem_from_json),
-        Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
-        **GOAL_CODEC,
-    }
 
     def _asked(self) -> Sequence[Section]:
         return problem_sections(self.problem)
@@ -167,7 +160,7 @@ def sweep(
     found: list[_Found] = []
     space, ridge, criteria = None, 0.0, seen.criteria
     search: PointSearch | None = None
-    stop_reason = "done"
+    stop_reason = StopReason.completed
     try:
         with following(progress, "sizes", sizes_step(sizes), "drawing the first points") as report:
             for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
@@ -176,7 +169,7 @@ def sweep(
                     left = time_limit - (time.perf_counter() - started - search.seconds)
                     search.settings = replace(search.settings, time_limit=max(left, NO_TIME))
                 ended = search.run(None if report is None else partial(report, size))
-                if ended == "interrupted":
+                if ended == StopReason.interrupted:
                     raise KeyboardInterrupt
                 check_determined(search)
                 one = _found(search)
@@ -189,15 +182,15 @@ def sweep(
                 seen.criteria = (search.at_mean,)  # candidates for the next size are chosen by it, at the mean too
                 ridge = max(ridge, search.ridge)
                 found.append(one)
-                if ended == "time_limit":
-                    stop_reason = "time_limit"
+                if ended == StopReason.time_limit:
+                    stop_reason = StopReason.time_limit
                     break
     except KeyboardInterrupt:
-        stop_reason = "interrupted"
+        stop_reason = StopReason.interrupted
         if not found:
             if search is None:
                 raise
-            stop_reason = "interrupted_first"  # who interrupts wants an end: nothing is proven of this one
+            stop_reason = StopReason.interrupted_first  # who interrupts wants an end: nothing is proven of this one
             found.append(_found(search))
     level = None if space is None or not len(space.null) else determined(problem, space)
     seen.criteria = criteria
@@ -207,7 +200,7 @@ def sweep(
         value = log_det_of(evaluation, level) if maximised is None else maximised
         # Beside what is known it depends on the size.
         afresh = bound is None or known is not None or goal.prior_information or problem.n_nuisance
-        if afresh and stop_reason != "interrupted_first" and np.isfinite(value):
+        if afresh and stop_reason != StopReason.interrupted_first and np.isfinite(value):
             bound = seen.bound(information, known) if scenarios is None else seen.bound_over(information, known, scenarios)
         points = information.experiments
         at_most = None if bound is None or not np.isfinite(value) else max(bound.log_det, value)

@@ -35,7 +35,7 @@ def plot_sweep(sweep: SweptDesigns) -> Figure:
         at_least = np.array([of.at_least if of.at_least is not None else np.nan for of in sweep.designs], dtype=float)
         below.plot(sizes, at_least, marker=".", color=NOISE)
         below.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
-        name = "D" if sweep.settings is None else sweep.settings.goal.criterion
+        name = sweep.settings.goal.criterion
         below.set_ylabel(f"{name}-efficiency\nat least")
         below.set_xlabel("points of the design")
         below.xaxis.set_major_locator(MaxNLocator(integer=True))

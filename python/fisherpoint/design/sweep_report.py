@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..basics.stop_reason import StopReason
 from ..information.combinations import combinations
 from ..show.numbers import computed, counted, number, percent, percent_down
 from ..show.section import Report, Section
@@ -30,8 +31,8 @@ _ERRORS = {
 def sweep_report(sweep: SweptDesigns) -> Report:
     """The designs by size."""
     prior, settings = sweep.problem.prior.std, sweep.settings
-    name = "D" if settings is None else settings.goal.criterion
-    error, what = _ERRORS.get(name, _ERRORS["D"]), "log det F" if settings is None else settings.goal.maximised
+    name = settings.goal.criterion
+    error, what = _ERRORS.get(name, _ERRORS["D"]), settings.goal.maximised
     written = computed if name in ("c", "I", "ME") else percent
     rows, marked, timed = [], [], bool(sweep.problem.model.states)
     most = len(sweep.problem.estimated) - len(sweep.not_told)
@@ -64,10 +65,10 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         )
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
-    notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep)]
-    if settings is not None and settings.goal.prior_information:
+    notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep.ridge)]
+    if settings.goal.prior_information:
         notes.append("The prior's information counts once beside the data, in the criterion, its bounds and the errors.")
-    if settings is not None and settings.goal.over is not None:
+    if settings.goal.over is not None:
         notes.append("The errors of parameters are those at the prior mean.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []
@@ -80,11 +81,11 @@ def sweep_report(sweep: SweptDesigns) -> Report:
             f"No point of the region was found with information on {left} (in prior std): {of_rest}. Measure other outputs, widen"
             f" the region, or leave parameters out (parameters = [...]). See {GUIDE}."
         )
-    if sweep.stop_reason != "done":
-        why = "The time limit is over" if sweep.stop_reason == "time_limit" else "Interrupted"
+    if not sweep.stop_reason.complete:
         last, missing = f"the search for {sweep.sizes[-1]} points was not done", "larger sizes are missing"
-        words = {"time_limit": f"{last}, and none was begun for more", "interrupted_first": f"{last}, and {missing}"}
-        warnings.append(f"{why}: {words.get(sweep.stop_reason, missing)}.")
+        if sweep.stop_reason != StopReason.interrupted:
+            missing = f"{last}, and {missing}"
+        warnings.append(f"The sweep was ended early ({sweep.stop_reason.words}): {missing}. {sweep.stop_reason.advice}")
     beside = f" beside {sweep.n_previous} previous ones" if sweep.n_previous else ""
     sizes = sweep.sizes
     title = f"{counted(len(sizes), 'design')} of {sizes[0]} to {sizes[-1]} points{beside} for {sweep.problem.model.name}"

@@ -9,8 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from ..basics.checks import as_positive, by_name
-from ..basics.declared import Choices, Extents
+from ..basics.declared import Extents
 from ..basics.messages import shown
+from ..basics.stop_reason import StopReason
 from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
@@ -109,12 +110,12 @@ class SweptDesigns:
     cost : Cost or None
     n_previous, n_candidates : int
         Points that are added to every design; candidates that the searches have evaluated.
-    stop_reason : {"done", "interrupted", "interrupted_first", "time_limit"}
-        Where it is not "done", larger sizes are missing; with "time_limit" the search for the largest was cut short, and
+    stop_reason : StopReason
+        Where it is not "completed", larger sizes are missing; with "time_limit" the search for the largest was cut short, and
         "interrupted_first" came before the first size was done, and this is its best design so far.
     seconds : float
-    settings : ExchangeSettings or None
-        Those of the search for the smallest design; the others differ in their size. None in older files.
+    settings : ExchangeSettings
+        Those of the search for the smallest design; the others differ in their size.
     not_told : tuple of mappings of parameter name to float
         Combinations of standardised parameters that no point of the region was found to have information on.
     ridge : float
@@ -126,10 +127,10 @@ class SweptDesigns:
     cost: Cost | None
     n_previous: int
     n_candidates: int
-    stop_reason: str
+    stop_reason: StopReason
     seconds: float
     _: KW_ONLY
-    settings: ExchangeSettings | None = None
+    settings: ExchangeSettings
     not_told: tuple[Mapping[str, float], ...] = ()
     ridge: float = 0.0
 
@@ -140,7 +141,6 @@ class SweptDesigns:
         "designs.evaluation.parameters": ("problem.estimated",),
         "not_told": ("*", "some problem.estimated"),
     }
-    _CHOICES: ClassVar[Choices] = {"stop_reason": ("done", "interrupted", "interrupted_first", "time_limit")}
 
     def __getitem__(self, n_experiments: int) -> SizedDesign:
         if n_experiments not in self.sizes:

@@ -13,6 +13,7 @@ import numpy as np
 from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, check_type, names_among, some_names_among
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
@@ -28,7 +29,7 @@ from .fit import Fit
 from .known_noise import KnownNoise
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
 from .observed import Observed, check_outputs
-from .search import SAME_MINIMUM, Found, search_with_known_noise, search_with_unknown_noise
+from .search import SAME_MINIMUM, FoundMinimum, search_with_known_noise, search_with_unknown_noise
 from .small_samples import unbiased
 from .starts import MOST_STARTS, evaluable_starts, further_starts, start_guess
 from .unknown_noise import check_noise_is_determined
@@ -113,7 +114,7 @@ def estimate(
     -------
     Fit
         Where the data do not determine all unknowns, `Fit.null_directions` says which combinations they leave open. Where the
-        search stopped away from a minimum, `Fit.converged` is False, and `Fit.message` says why.
+        search stopped away from a minimum, `Fit.converged` is False, and `Fit.stop_reason` says why.
 
     Raises
     ------
@@ -222,7 +223,7 @@ def _fit(
     prior: GaussianPrior | None,
     noise_known: bool,
     sensors: Array,
-    found: Found,
+    found: FoundMinimum,
     starts: int,
 ) -> Fit:
     observed, values = found.residuals.observed, found.residuals.unknowns.values(found.z[None])
@@ -238,8 +239,7 @@ def _fit(
         residuals=observed.y - response.y[0],
         noise_known=noise_known,
         noise_covariance=sensors,
-        converged=found.converged,
-        message=found.message,
+        stop_reason=found.stop_reason,
         evaluations=found.evaluations,
         starts=starts,
         reached=found.reached,
@@ -298,9 +298,7 @@ def _with_unbiased_noise(fit: Fit) -> Fit:
     Where the likelihood grows without end as the noise of an output that can be fitted exactly vanishes, it has not converged.
     """
     if fit.noise_not_told:
-        fit = replace(
-            fit, converged=False, message=f"the likelihood has no maximum, as {', '.join(fit.noise_not_told)} can be fitted exactly"
-        )
+        fit = replace(fit, stop_reason=StopReason.no_maximum)
     counts = np.isfinite(fit.residuals).sum(axis=0)
     covariance = unbiased(fit.noise_covariance[None], fit.output_degrees_of_freedom[None], counts)[0]
     return replace(fit, noise_covariance=covariance, weighted=replace(fit.weighted, covariance=covariance))

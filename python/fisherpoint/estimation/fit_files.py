@@ -8,18 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_path, check_mapping
+from ..basics.checks import as_path
 from ..basics.csv_table import csv_text
-from ..basics.files import built_from, parse_json, read_bytes, sealed_json, write_together
-from ..basics.messages import shown
+from ..basics.files import built_from, read_bytes, write_together
+from ..basics.kept import content_of, encoded, sealed
+from ..basics.messages import printable, shown
 from ..basics.quantity import names_of
 from ..data.measurements import Measurements
 from . import report
-from .fit_state import PLAIN, fit_from_state, fit_state
+from .fit_state import FitState
 from .plots import PICTURES
 from .statistics import FitStatistics
 
-FORMAT, FORMAT_VERSION = "fisherpoint fit", 1
+PLAIN = ("noise_known", "converged", "stop_reason", "evaluations", "starts", "reached")
+"""What JSON has as it is."""
 
 
 def fit_dict(fit: FitStatistics) -> dict[str, Any]:
@@ -75,33 +77,31 @@ def save_fit(fit: FitStatistics, directory: str | Path) -> list[Path]:
     contents = {
         "estimate.csv": _estimate_csv(fit),
         "residuals.csv": _residuals_csv(fit),
-        "fit.json": sealed_json(_whole(fit)),
+        "fit.json": _whole(fit),
     }
     directory.mkdir(parents=True, exist_ok=True)
     return write_together(directory, contents, stale=("report.txt", "report.html", *PICTURES))
 
 
-def _whole(fit: FitStatistics) -> dict[str, Any]:
-    """What a fit says, and what it is."""
+def _whole(fit: FitStatistics) -> str:
+    """What a fit says, for people, and what it is."""
+    state = FitState.of(fit)
     try:
-        state = fit_state(fit)
+        content = encoded(state)
     except TypeError as error:  # a model of functions, which no file can hold
-        state = {"not_saved": str(error)}
-    return {"format": FORMAT, "format_version": FORMAT_VERSION, **fit_dict(fit), "state": state}
+        content = {"not_saved": str(error)}
+    return sealed(FitState, content, **fit_dict(fit))
 
 
 def load_fit(directory: str | Path) -> dict[str, Any]:
     """The fields of a fit; see `Fit.load`."""
     path = as_path(directory, "directory") / "fit.json"
-    data = parse_json(path, read_bytes(path), FORMAT, FORMAT_VERSION)
-    return built_from(path, "fit", data, _state_in)
-
-
-def _state_in(whole: dict[str, Any]) -> dict[str, Any]:
-    state = check_mapping(whole["state"], "state", "entries")
-    if "not_saved" in state:
-        raise ValueError(f"expected a fit with its model, given one without: {shown(state['not_saved'], 200)}")
-    return fit_from_state(dict(state))
+    given = read_bytes(path)
+    content = content_of(path, given, FitState)
+    if isinstance(content, dict) and "not_saved" in content:
+        why = shown(content["not_saved"], 200)
+        raise ValueError(f"{printable(path)}: expected a fit with its model, given one without: {why}")
+    return built_from(path, "fit", FitState._read(path, given), FitState.fields)
 
 
 def _plain(given: Any) -> Any:

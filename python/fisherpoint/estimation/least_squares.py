@@ -13,20 +13,22 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array, IntArray
 from .tangent import Damped, Tangent
 
 CONVERGED, LIMIT, STALLED, NOT_EVALUABLE, UNNOTICED, ROUGH, UNSETTLED, RAN_OFF = range(8)
 ENDS = {
-    CONVERGED: "converged",
-    LIMIT: "no minimum within the allowed evaluations",
-    STALLED: "no further step lowers the residuals by more than a trace, and their gradient is not zero",
-    NOT_EVALUABLE: "a trajectory at the start is not ok",
-    UNNOTICED: "some unknown does not change any measured output there, so its gradient is zero",
-    ROUGH: "rounding, or the tolerance of the trajectories, keeps the gradient from zero",
-    UNSETTLED: "the weights, which depend on the estimate, do not converge",
-    RAN_OFF: "an unknown diverged to values at which trajectories have no meaning",
+    CONVERGED: StopReason.converged,
+    LIMIT: StopReason.max_evaluations,
+    STALLED: StopReason.stalled,
+    NOT_EVALUABLE: StopReason.not_evaluable,
+    UNNOTICED: StopReason.no_effect,
+    ROUGH: StopReason.rounding,
+    UNSETTLED: StopReason.weights_changed,
+    RAN_OFF: StopReason.diverged,
 }
+"""Why a search ended, by the number that arrays have for it."""
 
 TOLERANCE = 1e-8
 """Length of the residuals' part in the tangent space, in standard errors, from which on a problem is solved."""
@@ -139,7 +141,7 @@ def minimise(
     -------
     Minima
     """
-    search = _Search(residuals, z0, lower, upper, unit, accuracy, tolerance)
+    search = _Searches(residuals, z0, lower, upper, unit, accuracy, tolerance)
     iteration = 0
     while len(search.active):
         search.iterate(iteration >= CURVED_FROM)
@@ -148,7 +150,7 @@ def minimise(
     return Minima(search.z, search.cost, search.end, search.evaluations, search.spacing)
 
 
-class _Search:
+class _Searches:
     """State of B searches; those that go on are `active`."""
 
     def __init__(

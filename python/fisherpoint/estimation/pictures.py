@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ..basics.quantity import Quantity
+from ..basics.stop_reason import StopReason
 from ..data import Record
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
@@ -23,7 +24,7 @@ from ..show.correlation import draw_correlation
 from ..show.early import is_crowded, make_logarithmic_from_zero
 from ..show.run_time import RunTime, shares_of
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, Picture, labelled, said, scale, telling, telling_each
-from .profile_curve import OPEN, ProfileCurve
+from .profile_curve import ProfileCurve
 from .statistics import FitStatistics
 
 MANY = 150
@@ -315,7 +316,7 @@ def _profile_panel(axes: Axes, profile: ProfileCurve) -> None:
     linear, estimate = profile.linear_interval, profile.estimate
     ends = [value for value in (*profile.interval, *linear) if np.isfinite(value)]
     half = (linear[1] - linear[0]) / 2 if np.isfinite(linear).all() else float(np.ptp(profile.values))
-    ends += [estimate + side * 3 * half for side, how in zip((-1, 1), profile.ends, strict=True) if how == OPEN]
+    ends += [estimate + side * 3 * half for side, how in zip((-1, 1), profile.ends, strict=True) if how == StopReason.not_bounded]
     margin = 0.12 * (max(ends) - min(ends))
     limits = min(ends) - margin, max(ends) + margin
     inside = (profile.values >= limits[0]) & (profile.values <= limits[1])
@@ -332,9 +333,9 @@ def _profile_panel(axes: Axes, profile: ProfileCurve) -> None:
     axes.plot(factor * at, np.square(root(at)), color=NOISE, linewidth=1.6, label="profile")
     axes.plot(factor * profile.values[inside], profile.deviance[inside], "o", color=NOISE, markersize=2.5)
     for side, how in zip((0, 1), profile.ends, strict=True):
-        if how == OPEN:
+        if how == StopReason.not_bounded:
             x, align = (0.02, "left") if side == 0 else (0.98, "right")
-            axes.text(x, 0.03, "not bounded", transform=axes.transAxes, ha=align, va="bottom", color=CRITERION, fontsize=8)
+            axes.text(x, 0.03, how.words, transform=axes.transAxes, ha=align, va="bottom", color=CRITERION, fontsize=8)
     axes.set_ylim(-0.04 * profile.threshold, 1.5 * profile.threshold)
     axes.set_xlabel(labelled(profile.name, unit))
     axes.set_ylabel("deviance")

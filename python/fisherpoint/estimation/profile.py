@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..basics.checks import as_probability, check_known
 from ..basics.extras import needed_for
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from ..points.settings import resolve_threads
 from ..show.numbers import counted, number
@@ -27,7 +28,7 @@ from ..show.section import Report, Section
 from ..show.table_preview import InNotebooks
 from .least_squares import CONVERGED, NOT_EVALUABLE, Accuracy, Residuals, minimise
 from .precision import Precision
-from .profile_curve import BOUND, FOUND, OPEN, ProfileCurve
+from .profile_curve import ProfileCurve
 from .profile_sides import FINEST, Minimum, Side, refine, walk
 from .statistics import FitStatistics
 from .unknown_noise import (
@@ -85,7 +86,7 @@ class Profile(ProfileCurve, InNotebooks):
     def _in_notebook(self) -> Report:
         unit = "" if self.unit == "1" else f" [{self.unit}]"
         rows = [
-            ("by profile likelihood", *map(number, self.interval), ", ".join(dict.fromkeys(self.ends))),
+            ("by profile likelihood", *map(number, self.interval), ", ".join(end.words for end in dict.fromkeys(self.ends))),
             ("by standard error", *map(number, self.linear_interval), ""),
         ]
         _, *notes = str(self).split("\n")
@@ -99,7 +100,7 @@ class Profile(ProfileCurve, InNotebooks):
             f"{self.interval[0]:.4g} to {self.interval[1]:.4g}, by standard error "
             f"{self.linear_interval[0]:.4g} to {self.linear_interval[1]:.4g}"
         ]
-        lines += [f"{side} end: {end}" for side, end in zip(("lower", "upper"), self.ends, strict=True) if end != FOUND]
+        lines += [f"{side} end: {end.words}" for side, end in zip(("lower", "upper"), self.ends, strict=True) if not end.complete]
         if not self.converged.all():
             missed = int((~self.converged).sum())
             lines.append(f"at {missed} of {len(self.values)} values the others' search did not converge: the interval may be wider")
@@ -146,10 +147,13 @@ def profile_of(
     at = np.array([point.z for point in points])
     values = unknowns.values(at)
     for side in sides:
-        if side.how == BOUND and unknowns.log[j] and abs(side.limit) * unknowns.scale[j] >= FARTHEST - NEXT_TO:
-            side.how = OPEN  # that limit is ours, not the user's
+        if side.how == StopReason.at_bound and unknowns.log[j] and abs(side.limit) * unknowns.scale[j] >= FARTHEST - NEXT_TO:
+            side.how = StopReason.not_bounded  # that limit is ours, not the user's
     beyond = [0.0 if unknowns.log[j] else -np.inf, np.inf]
-    ends = [beyond[i] if side.how == OPEN else float(unknowns.values(side.end[None])[0, j]) for i, side in enumerate(sides)]
+    ends = [
+        beyond[i] if side.how == StopReason.not_bounded else float(unknowns.values(side.end[None])[0, j])
+        for i, side in enumerate(sides)
+    ]
     return Profile(
         name,
         fit.units[name],
@@ -161,7 +165,7 @@ def profile_of(
         values,
         threshold,
         (ends[0], ends[1]),
-        (sides[0].how, sides[1].how),
+        (sides[0].ended, sides[1].ended),
         fit.intervals(level)[name],
     )
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array
-
-FOUND, BOUND, OPEN, FAILED = "found", "at its bound", "not bounded", "trajectories are not valid beyond this value"
 
 BETTER = 1e-4
 """Fall of the deviance below that of the fit from which on the fit was not at the minimum."""
@@ -37,8 +36,9 @@ class ProfileCurve:
         Deviance at the ends of the interval.
     interval : tuple of float
         Where the deviance reaches the threshold; -inf, or 0 of a positive unknown, and inf where it does not.
-    ends : tuple of str
-        What each end of the interval is: "found", "at its bound", "not bounded", or "trajectories are not valid beyond this value".
+    ends : tuple of StopReason
+        Why the search for each end of the interval ended: "converged" where it was found, else "at_bound", "not_bounded", or
+        "not_evaluable" where trajectories are not valid beyond this value.
     linear_interval : tuple of float
         From the standard error, as `Fit.intervals`.
     """
@@ -53,7 +53,7 @@ class ProfileCurve:
     unknowns: Array
     threshold: float
     interval: tuple[float, float]
-    ends: tuple[str, str]
+    ends: tuple[StopReason, StopReason]
     linear_interval: tuple[float, float]
 
     @property

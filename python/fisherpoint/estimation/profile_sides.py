@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array
-from .profile_curve import BOUND, FAILED, FOUND, OPEN
 
 STEPS = 6
 """Values between the estimate and an end, about."""
@@ -40,11 +40,17 @@ class Side:
     """The values on one side of the estimate, outward, and where that side ends."""
 
     def __init__(self, z: Array, tangent: Array, j: int, sign: int, reach: float, limit: float, finest: float) -> None:
-        self.points, self.how = [Point(z, 0.0, True)], ""
+        self.points = [Point(z, 0.0, True)]
+        self.how: StopReason | None = None
         self.tangent, self.j, self.limit = tangent, j, limit
         self.step, self.least, self.farthest = sign * reach / STEPS, 1e-6 * reach, FAR * reach
         self.finest = finest
         self.end = z
+
+    @property
+    def ended(self) -> StopReason:
+        """Why this side ended: where nothing did, it was searched as far as is allowed."""
+        return self.how or StopReason.not_bounded
 
     @property
     def last(self) -> Point:
@@ -64,7 +70,7 @@ class Side:
         if not np.isfinite(point.deviance):
             self.step /= 2
             if abs(self.step) < self.least:
-                self.how, self.end = FAILED, self.last.z
+                self.how, self.end = StopReason.not_evaluable, self.last.z
             return
         rise = np.sqrt(max(point.deviance, 0.0)) - np.sqrt(max(self.last.deviance, 0.0))
         wanted = np.sqrt(threshold) / STEPS
@@ -72,18 +78,18 @@ class Side:
         start = self.points[0].z[self.j]
         self.points.append(point)
         if point.deviance >= threshold:
-            self.how = FOUND
+            self.how = StopReason.converged
         elif point.z[self.j] == self.limit:
-            self.how, self.end = BOUND, point.z
+            self.how, self.end = StopReason.at_bound, point.z
         elif abs(point.z[self.j] - start) > self.farthest:
-            self.how, self.end = OPEN, point.z
+            self.how, self.end = StopReason.not_bounded, point.z
 
 
 def walk(sides: list[Side], held: Minimum, threshold: float, most: int = 200) -> None:
     """Go outward on both sides together, each value from the one before."""
     for side in sides:
         if side.points[0].z[side.j] == side.limit:
-            side.how = BOUND
+            side.how = StopReason.at_bound
     for _ in range(most):
         going = [side for side in sides if not side.how]
         if not going:
@@ -91,13 +97,13 @@ def walk(sides: list[Side], held: Minimum, threshold: float, most: int = 200) ->
         for side, *found in zip(going, *held(np.array([side.guess() for side in going])), strict=True):
             side.take(Point(found[0], float(found[1]), bool(found[2])), threshold)
     for side in sides:
-        side.how, side.end = side.how or OPEN, side.end if side.how else side.last.z
+        side.how, side.end = side.how or StopReason.not_bounded, side.end if side.how else side.last.z
 
 
 def refine(sides: list[Side], held: Minimum, threshold: float, most: int = 60) -> None:
     """Find where the root of the deviance meets that of the threshold, by Illinois' variant of the false position on both sides."""
     root = np.sqrt(threshold)
-    open_ = [side for side in sides if side.how == FOUND]
+    open_ = [side for side in sides if side.how == StopReason.converged]
     inner = {side: (side.points[-2], np.sqrt(max(side.points[-2].deviance, 0.0)) - root) for side in open_}
     outer = {side: (side.points[-1], np.sqrt(side.points[-1].deviance) - root) for side in open_}
     for _ in range(most):

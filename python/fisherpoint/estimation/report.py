@@ -7,10 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..basics.quantity import names_of
+from ..basics.stop_reason import StopReason
 from ..prior.gaussian import GaussianPrior
 from ..show.numbers import counted, digits_of, number, percent
 from ..show.section import Report, Section
-from .profile_curve import FOUND, ProfileCurve
+from .profile_curve import ProfileCurve
 from .statistics import OFF, FitStatistics
 from .unknown_noise import TINY
 
@@ -78,7 +79,7 @@ def facts(fit: FitStatistics) -> Iterator[tuple[str, str]]:
     known = {**fit.nuisance.uncertain, **fit.nuisance.starts}
     if known:
         yield "uncertain constants, one std beforehand", ", ".join(f"{name} {number(std)}" for name, std in known.items())
-    yield "search", f"{'converged' if fit.converged else fit.message.rstrip('.')}, {counted(fit.evaluations, 'evaluation')}"
+    yield "search", f"{fit.stop_reason.words}, {counted(fit.evaluations, 'evaluation')}"
     if fit.starts > 1:
         yield "starts at this minimum", f"{fit.reached} of {fit.starts}"
 
@@ -86,8 +87,7 @@ def facts(fit: FitStatistics) -> Iterator[tuple[str, str]]:
 def warnings(fit: FitStatistics) -> Iterator[str]:
     """Warnings, each as a sentence."""
     if not fit.converged:
-        hint = "standard errors are not valid" if fit.noise_not_told else "other starts may help"
-        yield f"not converged: {fit.message.rstrip('.')}; {hint}"
+        yield f"not converged: {fit.stop_reason.words}. {fit.stop_reason.advice.removesuffix('.')}"
     for direction in fit.null_directions:
         yield f"not determined: {direction}, no measured output changes"
     for direction in fit.weak_directions:
@@ -211,8 +211,8 @@ def _profiles(profiles: Sequence[ProfileCurve]) -> Section:
     rows = []
     for profile in profiles:
         intervals = (" to ".join(number(end, 4) for end in pair) for pair in (profile.interval, profile.linear_interval))
-        rows.append((profile.name, profile.unit, *intervals, *profile.ends))
-    marked = tuple(k for k, profile in enumerate(profiles) if profile.ends != (FOUND, FOUND))
+        rows.append((profile.name, profile.unit, *intervals, *(end.words for end in profile.ends)))
+    marked = tuple(k for k, profile in enumerate(profiles) if set(profile.ends) != {StopReason.converged})
     return Section("Profile likelihood", columns, tuple(rows), marked)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from ..points.status import Status
 from .known_noise import KnownNoise
@@ -33,18 +34,17 @@ SAME_WEIGHTS = 1e-5
 """Change of variances, as a share, from which on they are the same weights."""
 
 
-class Found(NamedTuple):
-    """The minimum z (P,) with the residuals as they are weighted there, how the search ended, and how many starts came there."""
+class FoundMinimum(NamedTuple):
+    """The minimum z (P,) with the residuals as they are weighted there, why the search ended, and how many starts came there."""
 
     z: Array
     residuals: WeightedResiduals
-    converged: bool
-    message: str
+    stop_reason: StopReason
     evaluations: int
     reached: int
 
 
-def search_with_known_noise(residuals: WeightedResiduals, z0: Array, noise: KnownNoise) -> Found:
+def search_with_known_noise(residuals: WeightedResiduals, z0: Array, noise: KnownNoise) -> FoundMinimum:
     """Weighted least squares from starts (B, P); the first one is ok."""
     weighted = _weighted(residuals, noise, z0[0])
     minima = _minimised(weighted, z0, FIRST_EVALUATIONS if len(z0) > 1 else MOST_EVALUATIONS)
@@ -65,7 +65,7 @@ def search_with_known_noise(residuals: WeightedResiduals, z0: Array, noise: Know
     return _found(z, weighted, end if settled or end != CONVERGED else UNSETTLED, evaluations, reached)
 
 
-def search_with_unknown_noise(residuals: WeightedResiduals, z0: Array) -> Found:
+def search_with_unknown_noise(residuals: WeightedResiduals, z0: Array) -> FoundMinimum:
     """The minimum of log det of the residual covariance (10), from starts (B, P)."""
     full = correlations_can_be_estimated(residuals.measured, len(residuals.unknowns))
     best, reached, evaluations = 0, 1, 0
@@ -82,8 +82,8 @@ def search_with_unknown_noise(residuals: WeightedResiduals, z0: Array) -> Found:
     return _found(minima.z[0], weighted, end, evaluations, reached)
 
 
-def _found(z: Array, residuals: WeightedResiduals, end: int, evaluations: int, reached: int) -> Found:
-    return Found(z, residuals, end == CONVERGED, ENDS[end], evaluations, reached)
+def _found(z: Array, residuals: WeightedResiduals, end: int, evaluations: int, reached: int) -> FoundMinimum:
+    return FoundMinimum(z, residuals, ENDS[end], evaluations, reached)
 
 
 def _minimised(residuals: WeightedResiduals, z0: Array, max_evaluations: int) -> Minima:

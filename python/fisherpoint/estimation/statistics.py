@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_probability
 from ..basics.quantity import names_of
+from ..basics.stop_reason import StopReason
 from ..basics.values import Array, FrozenMapping, relative_errors
+from ..data.measurements import Measurements
+from ..data.record import Record
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
 from .apriori import apriori_covariance
@@ -68,10 +70,8 @@ class FitStatistics:
     noise_known : bool
     noise_covariance : ndarray, (n_y, n_y)
         R: of the given noise, or the estimated one, with each variance divided by its degrees of freedom instead of the samples.
-    converged : bool
-        Whether the gradient is zero: no step lowers the residuals, or rounding hides what it would. Nothing else counts.
-    message : str
-        Why the search stopped.
+    stop_reason : StopReason
+        Why the search ended.
     evaluations : int
     starts, reached : int
         Starts of the search, and how many of them came to this minimum.
@@ -80,7 +80,7 @@ class FitStatistics:
     """
 
     model: Model
-    data: tuple[Any, ...]
+    data: tuple[Measurements | Record, ...]
     prior: GaussianPrior | None
     nuisance: Nuisance
     theta: Array
@@ -89,12 +89,16 @@ class FitStatistics:
     residuals: Array
     noise_known: bool
     noise_covariance: Array
-    converged: bool
-    message: str
+    stop_reason: StopReason
     evaluations: int
     starts: int
     reached: int
     weighted: WeightedResiduals
+
+    @property
+    def converged(self) -> bool:
+        """Whether the gradient is zero: no step lowers the residuals, or rounding hides what it would. Nothing else counts."""
+        return self.stop_reason == StopReason.converged
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -6,17 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..basics.checks import as_float, as_sequence, check_type
 from ..basics.extras import needed_for
-from ..basics.kept import Codec, Kept
+from ..basics.kept import Kept
 from ..basics.values import Array
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, predictive_covariance
-from ..prior.codec import rule_from_json, rule_to_json
 from ..prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
 from ..show.numbers import counted
 from ..show.section import Report, Section
@@ -96,9 +95,6 @@ class RuleComparison(Shown, Kept):
     rows: tuple[RuleRow, ...]
     converged: RuleRow
     next_lower: Rule
-
-    _INSIDE = (RuleRow, Errors)
-    _CODEC: ClassVar[Codec] = {Rule: (rule_to_json, rule_from_json)}
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per rule, the converged one last; errors are relative, seconds are of one point."""

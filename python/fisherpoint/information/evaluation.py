@@ -79,18 +79,17 @@ class Evaluation(Shown, Kept):
     nearby : Nearby or None
         What becomes of the standard errors where the parameters are two of them off; where D is R, and F is not singular.
     units : mapping of parameter name to str
-        Those of the model; empty where it was read from a file of a version that did not keep them.
+        Those of the model.
     log_det_estimable : float or None
         log det of `fisher` over what it determines: of Q^T F Q, with an orthonormal basis Q of all that is orthogonal to the
         `null_directions`; `log_det` where there are none. Only designs that leave the same directions open compare by it. None
-        where nothing is determined, and in files of versions that did not keep it.
+        where nothing is determined.
     without_prior : mapping of parameter name to float, or None
         Where the prior's information counts beside that of the data, the standard errors of the data alone, inf of parameters that
         these do not determine; else None. `fisher`, and all that follows from it, then has the prior's information in it, once:
         2/L of it, with L the measurements alone.
     """
 
-    _INSIDE = (Nearby,)
     _EXTENTS: ClassVar[Extents] = {
         "fisher": ("parameters", "parameters"),
         "covariance": ("parameters", "parameters"),
@@ -127,6 +126,10 @@ class Evaluation(Shown, Kept):
     units: Mapping[str, str] = field(default_factory=lambda: FrozenMapping({}))
     log_det_estimable: float | None = None
     without_prior: Mapping[str, float] | None = None
+
+    def _check_content(self) -> None:
+        if self.nearby is not None and not set(self.nearby.points) <= set(range(self.n_points)):
+            raise ValueError(f"nearby.points: expected numbers below n_points = {self.n_points}, given {list(self.nearby.points)}")
 
     @property
     def information(self) -> Array:

@@ -105,6 +105,10 @@ class Identifiability(Shown, Kept):
         "idle": ("any parameters",),
     }
 
+    def _check_content(self) -> None:
+        if self.rank > len(self.parameters):
+            raise ValueError(f"rank: expected at most that of {len(self.parameters)} parameters, given {self.rank}")
+
     def report(self) -> Report:
         """The verdict, and all that it rests on."""
         (_, verdict), *rows = self._rows()

@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
+from ..basics.declared import Extents
 from ..basics.values import Array, FrozenMapping, IntArray
 from ..points.runs import as_runs
 from ..points.status import Status
@@ -71,6 +73,10 @@ class Nearby:
     parameters: Mapping[str, float]
     points: tuple[int, ...]
     lost: Mapping[str, int]
+
+    _STATUSES = tuple(Status.__members__)
+    _EXTENTS: ClassVar[Extents] = {"growth": ("parameters",), "lost": ("any _STATUSES",)}
+    _POSITIVE = ("lost",)
 
     @property
     def worst(self) -> str:

@@ -6,16 +6,18 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_sequence, as_std, by_name, check_choice, check_names, some_names_among
+from ..basics.kept import Codec
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
+from ..models.codec import model_from_json, model_to_json
 from ..points.natural_sizes import warn_of_small_states
 from ..points.region import ExperimentRegion
 from ..points.run_region import RunRegion
@@ -108,6 +110,8 @@ class DesignProblem(InNotebooks):
     assumed_covariance: str = "tangents"
     along: Sequence[str] | None = None
     derived: tuple[str, ...] = field(init=False)
+
+    _CODEC: ClassVar[Codec] = {Model: (model_to_json, model_from_json)}
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "derived", tuple(name for name in DERIVED if getattr(self, name) is None))

@@ -37,7 +37,7 @@ from .hidden import HiddenCore, HiddenKernels
 from .model_text import latex, model_text
 from .quantities import Described, DescribedModel, check_counts, start_offsets
 from .surfaces.domain import MOST
-from .surfaces.memory import Reset, has_latch
+from .surfaces.memory import has_latch
 from .surfaces.printing import to_text
 from .surfaces.structure import Equations, Structure, followed
 from .tape.defined import value_of
@@ -45,6 +45,7 @@ from .tape.latch import condition_of as condition_in
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
+from .tape.reset import Reset
 from .toml_text import equations_toml
 
 MOST_MISTAKES = 5

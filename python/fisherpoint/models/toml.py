@@ -28,7 +28,11 @@ class ModelFile(Table):
     def _build_model(self) -> ModelFile:
         if self.model.equations is None:
             kind = MODELS[self.model.name]
-            fail_of(wrong_entries("model.constants", self.model.constants, kind.constant_quantities))
+            fail_of(
+                wrong_entries(
+                    "model.constants", {name: one.unit for name, one in self.model.constants.items()}, kind.constant_quantities
+                )
+            )
             fail_of(wrong_names("model.smooth", self.model.smooth or (), (*kind.jumps, *kind.kinks)))
         try:
             self._model = _built(self.model)

@@ -64,6 +64,9 @@ class Experiments(InNotebooks):
         for array in (self.x0, self.u, self.dt):
             array.flags.writeable = False
 
+    def _arguments(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("x0", "u", "dt", "columns")}
+
     def __len__(self) -> int:
         return len(self.dt)
 

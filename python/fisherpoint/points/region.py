@@ -92,6 +92,14 @@ class ExperimentRegion:
             parse_constraint(c, self.bounds) if isinstance(c, str) else c for c in self.constraints
         ]
 
+    def _arguments(self) -> dict[str, Any]:
+        """Functions among the constraints are None, as no file can hold them."""
+        return {"bounds": self.bounds, "constraints": [one if isinstance(one, str) else None for one in self.constraints]}
+
+    @classmethod
+    def _made(cls, bounds: Any, constraints: Any) -> ExperimentRegion:
+        return cls(bounds, [_not_saved if one is None else one for one in constraints])
+
     def check(self, model: Model, crossed: Collection[str] = ()) -> None:
         """Raise unless the region bounds exactly what a point of `model` consists of, and some point may be one.
 
@@ -235,3 +243,7 @@ def refuse_fixed_on_surface(bounds: Mapping[str, tuple[float, float]], model: Mo
         for zero in zeros:
             if bounds.get(zero) == (0.0, 0.0) and zero not in crossed:
                 raise ValueError(f"region[{zero!r}]: expected bounds off the {kind} {zero} = 0, given (0, 0)")
+
+
+def _not_saved(columns: Mapping[str, Array]) -> NDArray[np.bool_]:
+    raise ValueError("constraint: expected the function that this design was made with, given none: functions are not saved")

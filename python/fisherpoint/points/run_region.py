@@ -119,6 +119,10 @@ class RunRegion:
         self.measured: tuple[bool, ...] = tuple(flags.tolist())
         self.samples = None if samples is None else check_positive_int(samples, "samples", most=int(flags.sum()))
 
+    def _arguments(self) -> dict[str, Any]:
+        names = ("bounds", "segments", "constant", "shared", "levels", "slew", "duration", "measured", "samples", "rest")
+        return {name: getattr(self, name) for name in names}
+
     def check(self, model: Model, crossed: Collection[str] = ()) -> None:
         """Raise unless the region bounds exactly what a run of `model` consists of.
 

@@ -121,6 +121,10 @@ class Runs(InNotebooks):
         for array in (self.x0, self.u, self.dt, self.measured, *(() if self.rests is None else (self.rests,))):
             array.flags.writeable = False
 
+    def _arguments(self) -> dict[str, Any]:
+        rest = None if self.rests is None else tuple(self.rests)
+        return {name: getattr(self, name) for name in ("x0", "u", "dt", "measured", "columns")} | {"rest": rest}
+
     def __len__(self) -> int:
         return len(self.x0)
 

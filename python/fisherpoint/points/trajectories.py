@@ -8,9 +8,8 @@ import numpy as np
 
 from ..basics.values import Array, IntArray
 from ..show.numbers import counted
-from ..show.section import Report
+from ..show.section import Report, to_html
 from ..show.table_preview import MOST, first_rows, numbered
-from ..show.text import to_html
 from .status import Status, failures_of, named
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -112,6 +113,10 @@ class GaussianPrior:
         self._normal_std, self._normal_correlation = _normal_moments(self)
         for array in (self._correlation, self._normal_std, self._normal_correlation):
             array.flags.writeable = False
+
+    def _arguments(self) -> dict[str, Any]:
+        spread = {"std": None, "covariance": self.covariance} if self.correlated else {"std": self.std, "covariance": None}
+        return {"mean": self.mean, **spread, "relative_std": None, "log": self.log}
 
     @property
     def names(self) -> tuple[str, ...]:

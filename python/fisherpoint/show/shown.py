@@ -12,8 +12,7 @@ from ..basics.checks import as_path, check_flag
 from ..basics.extras import needed_for
 from ..basics.files import write_whole
 from .page import to_page
-from .section import Report, Section
-from .text import to_html, to_markdown, to_text
+from .section import Report, Section, to_html, to_markdown, to_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,8 +10,7 @@ import numpy as np
 
 from ..basics.values import Array
 from .numbers import column
-from .section import Report, Section
-from .text import to_html
+from .section import Report, Section, to_html
 
 MOST = 10
 """Rows that are shown."""

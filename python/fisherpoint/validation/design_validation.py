@@ -81,13 +81,6 @@ class DesignValidation(InNotebooks):
         """Validation of points some of which have no trajectory at the prior mean."""
         return replace(cls.of(points, dict.fromkeys(prior_std, np.nan), prior_std, (), None), without=why)
 
-    def again(self) -> DesignValidation:
-        """Return this with its figures computed anew from the virtual experiments: files may be of an earlier version."""
-        promised = {name: of.promised for name, of in self.parameters.items()}
-        prior_std = {name: of.prior_std for name, of in self.parameters.items()}
-        again = DesignValidation.of(self.points, promised, prior_std, self.null_directions, self.per_run)
-        return replace(again, without=self.without)
-
     def _in_notebook(self) -> Report:
         rows = []
         for name, of in self.parameters.items():

@@ -187,7 +187,10 @@ class Estimator:
         spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
         estimate = unknowns.values(minima.z)
         within = np.abs(minima.z - true) <= quantile(LEVEL, degrees_of_freedom) * spread
-        ends = [WRONG if wrong and end == CONVERGED else ENDS[int(end)] for end, wrong in zip(minima.end, found.wrong, strict=True)]
+        ends = [
+            WRONG if wrong and end == CONVERGED else ENDS[int(end)].words
+            for end, wrong in zip(minima.end, found.wrong, strict=True)
+        ]
         own = slice(0, len(self.parameters))
         return VirtualFits(
             truth[:, own],
@@ -195,7 +198,7 @@ class Estimator:
             (spread * unknowns.slopes(estimate))[:, own],
             (within & determined)[:, own],
             held[:, own],
-            np.array(["" if end == ENDS[CONVERGED] else end for end in ends], dtype=np.str_),
+            np.array(["" if end == ENDS[CONVERGED].words else end for end in ends], dtype=np.str_),
         )
 
     def _of_data(self, jacobian: Array) -> Array:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Protocol
 
-from ..information.problem import DesignProblem
-from ..models import Model
 from ..show.numbers import computed, counted, with_error
 from ..show.section import Report, Section
 from .design_validation import DesignValidation
 from .figures import FEWEST
 from .needed_runs import needed_runs
+from .validated import ValidatedDesigns
 from .verdict import (
     BROKEN,
     COVERAGE_TOLERANCE,
@@ -41,41 +39,7 @@ LEGEND = (
 )
 
 
-class Validated(Protocol):
-    """Content of a report: a `Validation`."""
-
-    @property
-    def problem(self) -> DesignProblem: ...
-
-    @property
-    def designs(self) -> Mapping[str, DesignValidation]: ...
-
-    @property
-    def runs(self) -> int: ...
-
-    @property
-    def asked(self) -> int: ...
-
-    @property
-    def theta(self) -> str | Mapping[str, float]: ...
-
-    @property
-    def seed(self) -> int: ...
-
-    @property
-    def redrawn(self) -> int: ...
-
-    @property
-    def truth(self) -> Model | None: ...
-
-    @property
-    def noise(self) -> str: ...
-
-    @property
-    def use_prior(self) -> bool: ...
-
-
-def validation_report(validation: Validated) -> Report:
+def validation_report(validation: ValidatedDesigns) -> Report:
     """The verdict first; what was done; a table per design."""
     verdicts = verdicts_of(validation.designs)
     sections = [
@@ -90,7 +54,7 @@ def validation_report(validation: Validated) -> Report:
     return Report(head, body, title=title, lines=lines)
 
 
-def said(validation: Validated, verdicts: Mapping[str, Mapping[str, ParameterVerdict]]) -> list[str]:
+def said(validation: ValidatedDesigns, verdicts: Mapping[str, Mapping[str, ParameterVerdict]]) -> list[str]:
     """Whether the promises hold, in a line for each design."""
     lines = [_verdict(validation, design, verdicts[name]) for name, design in validation.designs.items()]
     if len(lines) > 1:
@@ -100,7 +64,7 @@ def said(validation: Validated, verdicts: Mapping[str, Mapping[str, ParameterVer
     return [f"{lines[0][0].upper()}{lines[0][1:]}"] if len(lines) == 1 else lines
 
 
-def _verdict(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> str:
+def _verdict(validation: ValidatedDesigns, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> str:
     if design.without:
         return f"nothing is promised: {design.without}"
     if design.per_run is None or not verdicts:
@@ -132,12 +96,12 @@ def _names(verdicts: list[ParameterVerdict]) -> str:
     return ", ".join(one.parameter for one in verdicts)
 
 
-def _advice(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> list[str]:
+def _advice(validation: ValidatedDesigns, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> list[str]:
     """Advice that surely helps against what was seen, the most urgent first."""
     return list(_all_advice(validation, design, verdicts))
 
 
-def _all_advice(validation: Validated, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> Iterator[str]:
+def _all_advice(validation: ValidatedDesigns, design: DesignValidation, verdicts: Mapping[str, ParameterVerdict]) -> Iterator[str]:
     broken = [one for one in verdicts.values() if one.outcome == BROKEN]
     if not broken:
         return
@@ -167,7 +131,7 @@ def _all_advice(validation: Validated, design: DesignValidation, verdicts: Mappi
         yield "errors are smaller, or intervals wider, than promised: the plan is on the safe side"
 
 
-def done(validation: Validated) -> str:
+def done(validation: ValidatedDesigns) -> str:
     """Description of the validation, in a sentence."""
     theta = validation.theta
     truth = {"prior": "true parameters from the prior", "mean": "true parameters at the prior mean"}

@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any
 
-from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
-from ..basics.kept import Codec, Kept
-from ..basics.values import FrozenMapping
-from ..information.codec import problem_from_json, problem_to_json
-from ..information.problem import DesignProblem
+from ..basics.kept import Kept
 from ..information.problem_report import problem_sections
-from ..models import Model
-from ..models.codec import model_from_json, model_to_json
-from ..points.codec import points_from_json, points_to_json, runs_from_json
-from ..points.experiments import Experiments
-from ..points.runs import Runs
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
-from .design_validation import DesignValidation
-from .figures import Figure, ParameterFigures
-from .fits import VirtualFits
+from .figures import Figure
 from .report import validation_report
 from .truths import truths_of
+from .validated import ValidatedDesigns
 from .verdict import ParameterVerdict, verdicts_of
 
 SHARES = ("coverage", "too_low", "too_high")
@@ -36,82 +26,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Validation(Shown, Kept):
-    """What `validate` found; it shows itself as a table.
-
-    Attributes
-    ----------
-    problem : DesignProblem
-    designs : mapping of name to DesignValidation
-    noise_std : mapping of output name to float
-        Of the outputs that were measured.
-    runs : int
-        Virtual experiments with each design that were made.
-    theta : "prior", "mean" or mapping of parameter name to float
-    seed : int
-    redrawn : int
-        Draws from the prior that were left out because they make no sense to the model.
-    truth : Model or None
-        Model that made the data, if not the problem's.
-    noise : {"known", "estimated"}
-    use_prior : bool
-    seconds : float
-    asked : int
-        Requested number of virtual experiments: more than `runs` where Ctrl-C came first.
-    """
-
-    problem: DesignProblem
-    designs: Mapping[str, DesignValidation]
-    noise_std: Mapping[str, float]
-    runs: int
-    theta: str | Mapping[str, float]
-    seed: int
-    redrawn: int
-    truth: Model | None
-    noise: str
-    use_prior: bool
-    seconds: float
-    asked: int = 0
-
-    FORMAT_VERSION = 3
-    _RENAMED: ClassVar[Mapping[str, str]] = {"Runs": "VirtualFits"}
-    _EXTENTS: ClassVar[Extents] = {
-        "designs": ("+",),
-        "designs.parameters": ("problem.estimated",),
-        "noise_std": ("some problem.model.outputs",),
-    }
-    _CHOICES: ClassVar[Choices] = {"noise": ("known", "estimated")}
-    _INSIDE = (DesignValidation, ParameterFigures, Figure, VirtualFits)
-    _CODEC: ClassVar[Codec] = {
-        DesignProblem: (problem_to_json, problem_from_json),
-        Experiments: (points_to_json, points_from_json),
-        Runs: (points_to_json, runs_from_json),
-        Model: (model_to_json, model_from_json),
-    }
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read what `save` wrote.
-
-        Figures are taken anew of what each virtual experiment gave: in files of earlier versions, coverage left out what failed.
-
-        Raises
-        ------
-        OSError
-            Where the file cannot be read.
-        ValueError
-            Where it is truncated, was changed, or is of another format.
-        """
-        found = super().load(path)
-        return replace(found, designs=FrozenMapping({name: design.again() for name, design in found.designs.items()}))
+class Validation(ValidatedDesigns, Shown, Kept):
+    """What `validate` found; it shows itself as a table; `ValidatedDesigns` has its attributes."""
 
     def _check_content(self) -> None:
         truths_of(self.problem, self.theta, 1, 0)
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether Ctrl-C ended it before all virtual experiments were made."""
-        return self.runs < self.asked
 
     @property
     def verdicts(self) -> dict[str, dict[str, ParameterVerdict]]:

@@ -2,60 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Protocol
+from collections.abc import Iterator
 
 from ...basics.quantity import names_of
-from ...basics.values import Array
 from ...information.combinations import combination
-from ...information.problem import DesignProblem
-from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number, percent_down
 from ...show.section import Report, Section
-from .goal import WORDS, Goal
+from .approximate_weights import ApproximateWeights
+from .goal import WORDS
 
 CLEARLY = 0.999
 """A proven efficiency below which the report warns."""
 
 
-class Reported(Protocol):
-    """What the report needs of a :class:`fisherpoint.ApproximateDesign`."""
-
-    @property
-    def problem(self) -> DesignProblem: ...
-    @property
-    def goal(self) -> Goal: ...
-    @property
-    def n_experiments(self) -> int | None: ...
-    @property
-    def scenario_values(self) -> tuple[float, ...] | None: ...
-    @property
-    def points(self) -> Experiments: ...
-    @property
-    def weights(self) -> Array: ...
-    @property
-    def value(self) -> float: ...
-    @property
-    def efficiency(self) -> float: ...
-    @property
-    def largest(self) -> float: ...
-    @property
-    def level(self) -> int: ...
-    @property
-    def null_directions(self) -> tuple[Mapping[str, float], ...]: ...
-    @property
-    def n_candidates(self) -> int: ...
-    @property
-    def starts(self) -> int: ...
-    @property
-    def left_out(self) -> Mapping[str, int]: ...
-    @property
-    def deleted(self) -> int: ...
-    @property
-    def seconds(self) -> float: ...
-
-
-def approximate_report(design: Reported) -> Report:
+def approximate_report(design: ApproximateWeights) -> Report:
     """Support, criterion, proof and search."""
     among = f"{counted(design.n_candidates, 'candidate')}"
     if design.starts:
@@ -72,7 +32,7 @@ def floored(efficiency: float) -> str:
     return f"{percent_down(efficiency, 6).removesuffix(' %').rstrip('0').rstrip('.')} %"
 
 
-def _support(design: Reported) -> Section:
+def _support(design: ApproximateWeights) -> Section:
     names = names_of(design.problem.model.axes)
     columns = (*(f"{quantity.name} [{quantity.unit}]" for quantity in design.problem.model.axes), "weight")
     table = design.points.table[:, : len(names)].tolist()
@@ -80,7 +40,7 @@ def _support(design: Reported) -> Section:
     return Section("Points", columns, rows)
 
 
-def _proof(design: Reported) -> Section:
+def _proof(design: ApproximateWeights) -> Section:
     goal = design.goal
     about = "" if goal.of is None else f" of {goal.of if isinstance(goal.of, str) else ', '.join(goal.of)}"
     facts = [
@@ -97,6 +57,7 @@ def _proof(design: Reported) -> Section:
         facts.append((known, counted(design.n_experiments, "experiment")))
     facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
     facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]
+    facts.append(("ended by", design.stop_reason.words))
     if design.deleted:
         facts.append(("proven to have no weight", counted(design.deleted, "candidate")))
     notes = []
@@ -107,7 +68,7 @@ def _proof(design: Reported) -> Section:
     return Section("What is proven", (), [*facts, ("time", f"{design.seconds:.1f} s")], notes=notes)
 
 
-def _values(design: Reported) -> Iterator[tuple[str, str]]:
+def _values(design: ApproximateWeights) -> Iterator[tuple[str, str]]:
     """The criterion of one experiment, or its average over scenarios, and the smallest and largest of these."""
     words, over, values = WORDS[design.goal.criterion], design.goal.over, design.scenario_values
     if over is None or values is None:
@@ -118,7 +79,7 @@ def _values(design: Reported) -> Iterator[tuple[str, str]]:
     yield "in the scenarios", f"{words} from {computed(min(values), 5)} to {computed(max(values), 5)}"
 
 
-def _warnings(design: Reported) -> Iterator[str]:
+def _warnings(design: ApproximateWeights) -> Iterator[str]:
     if design.null_directions:
         yield (
             f"The candidates leave {counted(len(design.null_directions), 'combination')} of parameters undetermined, named above:"

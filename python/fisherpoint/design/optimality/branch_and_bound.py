@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from .relaxation import Box, Counts, Group, Relaxation, Relaxed, best_in_box
 from .symmetries import Permutations
@@ -46,7 +47,7 @@ class ExactProgress(NamedTuple):
     seconds: float
 
 
-class _Part(NamedTuple):
+class _Group(NamedTuple):
     """A group of similar candidates, and how far it is from the next one."""
 
     first: int
@@ -62,7 +63,7 @@ class BranchAndBound:
     ----------
     relaxation : Relaxation
         Of K candidates, similar ones beside each other as `similar_first` orders them.
-    parts : list of _Part
+    parts : list of _Group
         Groups that may be parted by how often they are measured.
     permutations : ndarray of int, (G, K)
     counts : ndarray of int, (K,)
@@ -72,7 +73,7 @@ class BranchAndBound:
     """
 
     relaxation: Relaxation
-    parts: list[_Part]
+    parts: list[_Group]
     permutations: Permutations
     counts: Counts
     gap: float
@@ -102,7 +103,7 @@ class BranchAndBound:
         max_nodes: int,
         late: Callable[[], bool],
         progress: Callable[[ExactProgress], None] | None,
-    ) -> str:
+    ) -> StopReason:
         """Search a box with a known bound until nothing is open, or something ends it, and return the reason."""
         self._doing = bound
         try:
@@ -112,10 +113,10 @@ class BranchAndBound:
             while self._open and -self._open[0][0] > self.value + self.gap:
                 if self.nodes >= max_nodes:
                     self._doing = -np.inf
-                    return "max_nodes"
+                    return StopReason.max_nodes
                 if late():
                     self._doing = -np.inf
-                    return "time_limit"
+                    return StopReason.time_limit
                 self._doing = -self._open[0][0]
                 _, _, of, start = heapq.heappop(self._open)
                 self.nodes += 1
@@ -123,10 +124,10 @@ class BranchAndBound:
                 if progress is not None and self.nodes % REPORTED == 1:
                     progress(ExactProgress(self.nodes, len(self._open), self.efficiency, time.perf_counter() - self._started))
         except KeyboardInterrupt:
-            return "interrupted"
+            return StopReason.interrupted
         self._doing = -np.inf
         self._open.clear()
-        return "proven"
+        return StopReason.proven
 
     def _node(self, known: float, box: Box, start: Array | None) -> None:
         n = self.relaxation.n
@@ -238,13 +239,13 @@ def _with(groups: tuple[Group, ...], new: Group) -> tuple[Group, ...]:
     return (*(group for group in groups if (group.first, group.end) != (new.first, new.end)), new)
 
 
-def similar_first(matrices: Array) -> tuple[NDArray[np.intp], list[_Part]]:
+def similar_first(matrices: Array) -> tuple[NDArray[np.intp], list[_Group]]:
     """An order (K,) in which similar candidates lie beside each other, and their groups in this order, single ones too."""
     from scipy.cluster.hierarchy import linkage
 
     count = len(matrices)
     if count < 3:
-        return np.arange(count), [_Part(k, k + 1, 1.0) for k in range(count)]
+        return np.arange(count), [_Group(k, k + 1, 1.0) for k in range(count)]
     flat = matrices.reshape(count, -1)
     tree = linkage(flat, method="average") if count <= MOST_GROUPED else _halved(flat)
     size = np.concatenate([np.ones(count, dtype=int), tree[:, 3].astype(int)])
@@ -256,7 +257,7 @@ def similar_first(matrices: Array) -> tuple[NDArray[np.intp], list[_Part]]:
         distance[left] = distance[right] = max(float(tree[k, 2]), 1e-300)
     within = np.concatenate([np.zeros(count), tree[:, 2]])
     close = np.flatnonzero(within[: 2 * count - 2] <= TIGHT * distance[: 2 * count - 2])
-    parts = [_Part(int(first[c]), int(first[c] + size[c]), float(distance[c])) for c in close]
+    parts = [_Group(int(first[c]), int(first[c] + size[c]), float(distance[c])) for c in close]
     return np.argsort(first[:count]), parts
 
 

@@ -2,118 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ...basics.declared import Choices, Extents
 from ...basics.extras import needed_for
-from ...basics.kept import Codec, Kept
-from ...basics.values import Array
-from ...information.codec import problem_from_json, problem_to_json
-from ...information.problem import DesignProblem
+from ...basics.kept import Kept
 from ...information.problem_report import problem_sections
-from ...points.experiments import Experiments
 from ...show.section import Report, Section
 from ...show.shown import Shown
-from .criteria import Criterion
-from .exact_report import ENDS, exact_report
-from .goal import GOAL_CODEC, GOAL_INSIDE, Goal
-from .goal_criterion import criterion_of
+from .exact_counts import ExactCounts
+from .exact_report import exact_report
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExactDesign(Shown, Kept):
-    """How often each of some candidates is measured.
-
-    Attributes
-    ----------
-    problem : DesignProblem
-    goal : Goal
-    points : Experiments
-        As many as measurements; those that are repeated stand side by side.
-    chosen : ndarray of int, (m,)
-        The candidates that are measured, as places among those that were given.
-    counts : ndarray of int, (m,)
-        How often each is.
-    information : ndarray, (p, p)
-        sum_i n_i F_i, with parameters in units of their prior std, and that of the prior where it was added. Uncertain constants
-        have rows and columns of their own, behind those of the parameters.
-    value : float
-        The criterion at this matrix.
-    efficiency : float
-        Lower bound of the efficiency of the design against every design of as many measurements of the candidates.
-    of_weights : float
-        The same against weights that need not be whole numbers, with which the best design mostly cannot compete.
-    gap : float
-        By which share of measurements a better design was allowed to stay unknown.
-    stop_reason : {"proven", "max_nodes", "time_limit", "interrupted", "candidates"}
-        "proven" where the efficiency is at least 1 - gap; "candidates" where too many were left for branch and bound.
-    nodes : int
-        Number of boxes of counts whose bound was computed.
-    n_candidates, n_left : int
-        Valid candidates, and those of them that better designs than what exchanges had found could have, copies counted once.
-    null_directions : tuple of mappings of parameter name to float
-        Combinations of standardised parameters that no candidate says anything about: the design is for the others.
-    left_out : mapping of reason to int
-        Candidates that are no points.
-    seconds : float
-    """
-
-    problem: DesignProblem
-    goal: Goal
-    points: Experiments
-    chosen: NDArray[np.intp]
-    counts: NDArray[np.int64]
-    information: Array
-    value: float
-    efficiency: float
-    of_weights: float
-    gap: float
-    stop_reason: str
-    nodes: int
-    n_candidates: int
-    n_left: int
-    null_directions: tuple[Mapping[str, float], ...]
-    left_out: Mapping[str, int]
-    seconds: float
-
-    _EXTENTS: ClassVar[Extents] = {
-        "points.x0": ("*", "problem.model.states"),
-        "points.u": ("*", "problem.model.inputs"),
-        "chosen": ("m",),
-        "counts": ("m",),
-        "information": ("problem.unknowns", "problem.unknowns"),
-        "null_directions": ("*", "some problem.estimated"),
-    }
-    _CHOICES: ClassVar[Choices] = {"stop_reason": tuple(ENDS)}
-    _INSIDE = GOAL_INSIDE
-    _CODEC: ClassVar[Codec] = {DesignProblem: (problem_to_json, problem_from_json), **GOAL_CODEC}
-
-    @cached_property
-    def criterion(self) -> Criterion:
-        """The criterion, as a function of information matrices."""
-        return criterion_of(self.problem, self.goal)
+class ExactDesign(ExactCounts, Shown, Kept):
+    """How often each of some candidates is measured, with the proof of how good that is; `ExactCounts` has its attributes."""
 
     def _check_content(self) -> None:
         _ = self.criterion
-
-    @property
-    def proven(self) -> bool:
-        """Whether no design of as many measurements of the candidates is better by more than the gap."""
-        return self.stop_reason == "proven"
-
-    @property
-    def distinct(self) -> Experiments:
-        """The m points that are measured, each once."""
-        return self.points[np.cumsum(self.counts) - self.counts]
 
     def to_pandas(self) -> pd.DataFrame:
         """One row per point: its coordinates, SI units, and how often it is measured."""

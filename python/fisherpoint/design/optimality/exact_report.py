@@ -2,71 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterator
 
 from ...basics.quantity import names_of
 from ...information.combinations import combination
-from ...information.problem import DesignProblem
-from ...points.experiments import Experiments
 from ...show.numbers import computed, counted, number
 from ...show.section import Report, Section
 from .approximate_report import floored
-from .goal import WORDS, Goal
-
-ENDS = {
-    "proven": "the gap is closed",
-    "max_nodes": "the limit of nodes",
-    "time_limit": "the limit of time",
-    "interrupted": "an interrupt",
-    "candidates": "too many candidates that are left for branch and bound",
-}
-"""Why a search ended."""
+from .exact_counts import ExactCounts
+from .goal import WORDS
 
 
-class Reported(Protocol):
-    """What the report needs of a :class:`fisherpoint.ExactDesign`."""
-
-    @property
-    def problem(self) -> DesignProblem: ...
-    @property
-    def goal(self) -> Goal: ...
-    @property
-    def points(self) -> Experiments: ...
-    @property
-    def distinct(self) -> Experiments: ...
-    @property
-    def counts(self) -> NDArray[np.int64]: ...
-    @property
-    def value(self) -> float: ...
-    @property
-    def proven(self) -> bool: ...
-    @property
-    def efficiency(self) -> float: ...
-    @property
-    def of_weights(self) -> float: ...
-    @property
-    def gap(self) -> float: ...
-    @property
-    def stop_reason(self) -> str: ...
-    @property
-    def nodes(self) -> int: ...
-    @property
-    def n_candidates(self) -> int: ...
-    @property
-    def n_left(self) -> int: ...
-    @property
-    def null_directions(self) -> tuple[Mapping[str, float], ...]: ...
-    @property
-    def left_out(self) -> Mapping[str, int]: ...
-    @property
-    def seconds(self) -> float: ...
-
-
-def exact_report(design: Reported) -> Report:
+def exact_report(design: ExactCounts) -> Report:
     """Points, criterion, proof and search."""
     among = counted(design.n_candidates, "candidate")
     what = f"{counted(len(design.points), 'measurement')} at {counted(len(design.counts), 'point')}"
@@ -77,7 +24,7 @@ def exact_report(design: Reported) -> Report:
     return Report(headline, [_points(design), _proof(design)], list(_warnings(design)))
 
 
-def _points(design: Reported) -> Section:
+def _points(design: ExactCounts) -> Section:
     names = names_of(design.problem.model.axes)
     columns = (*(f"{quantity.name} [{quantity.unit}]" for quantity in design.problem.model.axes), "measured")
     table = design.distinct.table[:, : len(names)].tolist()
@@ -85,7 +32,7 @@ def _points(design: Reported) -> Section:
     return Section("Points", columns, rows)
 
 
-def _proof(design: Reported) -> Section:
+def _proof(design: ExactCounts) -> Section:
     goal = design.goal
     about = "" if goal.of is None else f" of {goal.of if isinstance(goal.of, str) else ', '.join(goal.of)}"
     facts = [
@@ -96,7 +43,7 @@ def _proof(design: Reported) -> Section:
         ("among", counted(design.n_candidates, "candidate")),
         ("of which better designs could have", str(design.n_left)),
         ("nodes of branch and bound", str(design.nodes)),
-        ("ended by", ENDS[design.stop_reason]),
+        ("ended by", design.stop_reason.words),
     ]
     if goal.prior_information:
         facts.append(("with", "the prior's information"))
@@ -106,7 +53,7 @@ def _proof(design: Reported) -> Section:
     return Section("What is proven", (), [*facts, ("time", f"{design.seconds:.1f} s")], notes=notes)
 
 
-def _warnings(design: Reported) -> Iterator[str]:
+def _warnings(design: ExactCounts) -> Iterator[str]:
     if design.null_directions:
         yield (
             f"The candidates leave {counted(len(design.null_directions), 'combination')} of parameters undetermined, named above:"
@@ -115,5 +62,5 @@ def _warnings(design: Reported) -> Iterator[str]:
     if not design.proven:
         yield (
             f"No better design is known, but there may be one with up to {number(100 * (1 / design.efficiency - 1), 2)} % more "
-            f"information: the search was ended by {ENDS[design.stop_reason]}."
+            f"information: {design.stop_reason.words}. {design.stop_reason.advice}"
         )

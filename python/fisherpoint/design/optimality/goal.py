@@ -8,14 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choice, check_flag, check_name, check_type
-from ...basics.kept import Codec
-from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
-from ...prior.codec import rule_from_json, rule_to_json
-from ...prior.rules import Rule, Sobol
+from ...prior.rules import Sobol
 from ..option import Key, option
 from ..over_prior import KINDS, OverPrior
 
@@ -171,8 +168,6 @@ class Goal:
         ),
     )
 
-    _COMPLETE: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         set_field = object.__setattr__
         check_choice(self.criterion, CRITERIA, "criterion")
@@ -275,14 +270,6 @@ class Goal:
     def headline(self) -> str:
         """The end of a headline; nothing for log det F, which is the usual one."""
         return "" if self.criterion == "D" else f"; chosen by criterion {self.criterion}, {self.named}"
-
-
-GOAL_CODEC: Codec = {
-    Experiments: (points_to_json, points_from_json),
-    Rule: (rule_to_json, rule_from_json),
-}
-GOAL_INSIDE = (Goal, OverPrior)
-"""How the parts of a goal are written in files, and which classes are inside."""
 
 
 def goal_of(given: str | Goal, search: str = "") -> Goal:

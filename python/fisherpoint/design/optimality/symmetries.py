@@ -36,7 +36,7 @@ def symmetries(rows: Array, criterion: Criterion) -> Permutations:
     base = _base(sizes)
     if base is None:
         return identity
-    search = _Search(products, sizes, base)
+    search = _Images(products, sizes, base)
     search.extend([])
     kept = [one for one, signs in search.found if _keeps(criterion, rows, signs[:, None] * rows[one])]
     return np.array(kept) if kept else identity
@@ -73,7 +73,7 @@ def _numbered(columns: Array) -> NDArray[np.intp]:
     return np.asarray(np.unique(np.round(columns / (10 * ALIKE)), axis=0, return_inverse=True)[1]).ravel()
 
 
-class _Search:
+class _Images:
     """Images of the base, one row after the other, which say where all others go."""
 
     def __init__(self, products: Array, sizes: Array, base: list[int]) -> None:

@@ -136,14 +136,14 @@ def optimal_weights(
     """
     space = estimable(candidates.triangle()) if space is None else space
     inner = criterion.within(space)
-    search = _Search(candidates, inner, space, tolerance, allowed)
+    search = _WeightSearch(candidates, inner, space, tolerance, allowed)
     if first is None:
         first = np.sort(np.random.default_rng(seed).choice(len(candidates), min(FIRST, len(candidates)), replace=False))
     search.run(search.regular(search.unlike(first, np.empty(0, dtype=np.intp), SAME)))
     return search.found()
 
 
-class _Search:
+class _WeightSearch:
     """The working set, the candidates that are left, and the best weights so far."""
 
     def __init__(

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...basics.checks import check_positive_int, check_type
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
 from ...data.pieces import Pieces
 from ...information.combinations import combinations
@@ -97,7 +98,7 @@ def best_pieces(
         search = PieceSearch(information.packed, packing, windows, count, known[0])
         stop_reason = search.run(heard, started)
         design = _found(problem, pieces, information, search, stop_reason, seed, threads, started)
-    if goal.requires_all and design.evaluation.null_directions and stop_reason != "interrupted":
+    if goal.requires_all and design.evaluation.null_directions and stop_reason != StopReason.interrupted:
         open_text = combinations(design.evaluation.null_directions)
         raise ValueError(
             f"n_pieces: expected enough windows to determine all parameters, as singular = 'error' asks, given {count}, which "
@@ -129,7 +130,7 @@ def _found(
     pieces: Pieces,
     information: PieceInformation,
     search: PieceSearch,
-    stop_reason: str,
+    stop_reason: StopReason,
     seed: int,
     threads: int | None,
     started: float,

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...basics.declared import Choices, Extents
 from ...basics.extras import needed_for
-from ...basics.kept import Codec, Kept
-from ...basics.values import Array
+from ...basics.kept import Kept
 from ...data.measurements import Measurements
-from ...information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
-from ...information.evaluation import Evaluation
-from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
-from ...points.codec import points_to_json, runs_from_json
 from ...points.runs import Runs
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
-from ..efficiency import d_efficiency
-from .disjoint import Places
-from .piece_report import CHOICES, ENDS, piece_report
+from .picked_windows import PickedWindows
+from .piece_report import piece_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,91 +25,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PieceDesign(Shown, Kept):
-    """The windows that `best_pieces` picked, with what is needed to judge them and to estimate from them.
-
-    Attributes
-    ----------
-    problem : DesignProblem
-        With the standard deviations of the measured starts in `initial_state_std`, as `estimate` needs them.
-    length, every : int
-        Samples in a window, and from the first sample of a window to that of the next, in the record.
-    windows : ndarray of int, (n,)
-        Which of the pieces were picked, in the order of the record.
-    first : ndarray of int, (n,)
-        The record's sample at which each begins.
-    t : ndarray, (n,)
-        Its time, s.
-    runs : Runs
-        The windows as runs.
-    y : ndarray, (n, length - 1, n_y)
-        What was measured in them, SI units; NaN where nothing was.
-    shares : ndarray, (n,)
-        tr(F^-1 F_k) / p: the share of each window in what is known; NaN where F is singular.
-    evaluation : Evaluation
-        Of the windows together, at the prior mean.
-    log_det : float
-        What was maximised: log det F in its sum form, parameters standardised by the prior; -inf where F is singular.
-    bound : float
-        What log det F of no choice of as many windows that share no sample exceeds, to the accuracy of the trajectories.
-    references : mapping of str to float
-        log det F of other choices: "all" windows side by side, each next one that shares no sample with those before; of these the
-        "first" as many, as many that are evenly "spread", and the median of "random" ones.
-    n_windows, n_disjoint, n_samples : int
-        Windows to choose from, how many of them share no sample and have a trajectory, and samples of the record.
-    left_out : mapping of reason to int
-        Windows that are none.
-    exchanges : int
-    stop_reason : {"no_exchange", "most_exchanges", "interrupted"}
-        "no_exchange": taking one window for another that shares no sample with the rest gains nothing, to 1e-7 in log det.
-    seconds : float
-    ridge : float
-        Share of the information in all windows that was added while the picked ones left F singular, to compare choices; 0 where
-        they did not. No figure of the design contains it.
-    """
-
-    problem: DesignProblem
-    length: int
-    every: int
-    windows: Places
-    first: Places
-    t: Array
-    runs: Runs
-    y: Array
-    shares: Array
-    evaluation: Evaluation
-    log_det: float
-    bound: float
-    references: Mapping[str, float]
-    n_windows: int
-    n_disjoint: int
-    n_samples: int
-    left_out: Mapping[str, int]
-    exchanges: int
-    stop_reason: str
-    seconds: float
-    ridge: float = field(default=0.0, kw_only=True)
-
-    _EXTENTS: ClassVar[Extents] = {
-        "runs.x0": ("n", "problem.model.states"),
-        "runs.u": ("n", "segments", "problem.model.inputs"),
-        "windows": ("n",),
-        "first": ("n",),
-        "t": ("n",),
-        "y": ("n", "segments", "problem.model.outputs"),
-        "shares": ("n",),
-        "references": ("_REFERENCES",),
-        "evaluation.parameters": ("problem.estimated",),
-    }
-    _REFERENCES = tuple(CHOICES)
-    _CHOICES: ClassVar[Choices] = {"stop_reason": tuple(ENDS)}
-    _POSITIVE = ("length", "every", "n_windows", "n_samples")
-
-    _CODEC: ClassVar[Codec] = {
-        DesignProblem: (problem_to_json, problem_from_json),
-        Runs: (points_to_json, runs_from_json),
-        Evaluation: (evaluation_to_json, lambda data: evaluation_from_json(data, data["n_points"])),
-    }
+class PieceDesign(PickedWindows, Shown, Kept):
+    """The windows that `best_pieces` picked, to judge them and to estimate from them; `PickedWindows` has its attributes."""
 
     @property
     def points(self) -> Runs:
@@ -127,21 +37,6 @@ class PieceDesign(Shown, Kept):
     def measurements(self) -> Measurements:
         """The windows with what was measured, as `estimate` takes them."""
         return Measurements(self.runs, self.y)
-
-    @property
-    def efficiency(self) -> float | None:
-        """A lower bound of the D-efficiency against the best choice of as many windows; None where F is singular."""
-        if not np.isfinite(self.log_det):
-            return None
-        return d_efficiency(min(self.log_det, self.bound), self.bound, len(self.evaluation.parameters))
-
-    def versus(self, reference: str) -> float | None:
-        """D-efficiency against one of the `references`; None where that does not exist.
-
-        (det ratio)^(1/p): so many times the information about each parameter. Against "all" it is the share of the record's, and
-        may exceed 1, as the windows that are side by side begin elsewhere.
-        """
-        return d_efficiency(self.log_det, self.references[reference], len(self.evaluation.parameters))
 
     def _asked(self) -> Sequence[Section]:
         return problem_sections(self.problem)

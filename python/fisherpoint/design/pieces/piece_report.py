@@ -2,81 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Protocol
+from collections.abc import Iterator
 
 import numpy as np
 
-from ...basics.values import Array
-from ...information.evaluation import Evaluation
-from ...information.problem import DesignProblem
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
-from .disjoint import Places
+from .picked_windows import CHOICES, PickedWindows
 
 _ROWS = 20  # windows shown of a longer list
 
-CHOICES = {
-    "all": "all windows side by side",
-    "first": "as many at the beginning",
-    "spread": "as many evenly spread",
-    "random": "as many at random, median",
-}
 
-ENDS = {
-    "no_exchange": "no exchange of one window for another gains",
-    "most_exchanges": "after the largest number of exchanges",
-    "interrupted": "interrupted",
-}
-
-
-class Reported(Protocol):
-    """What the report needs of a :class:`fisherpoint.PieceDesign`."""
-
-    @property
-    def problem(self) -> DesignProblem: ...
-    @property
-    def length(self) -> int: ...
-    @property
-    def windows(self) -> Places: ...
-    @property
-    def first(self) -> Places: ...
-    @property
-    def t(self) -> Array: ...
-    @property
-    def y(self) -> Array: ...
-    @property
-    def shares(self) -> Array: ...
-    @property
-    def evaluation(self) -> Evaluation: ...
-    @property
-    def log_det(self) -> float: ...
-    @property
-    def bound(self) -> float: ...
-    @property
-    def efficiency(self) -> float | None: ...
-    @property
-    def references(self) -> Mapping[str, float]: ...
-    @property
-    def n_windows(self) -> int: ...
-    @property
-    def n_disjoint(self) -> int: ...
-    @property
-    def n_samples(self) -> int: ...
-    @property
-    def left_out(self) -> Mapping[str, int]: ...
-    @property
-    def exchanges(self) -> int: ...
-    @property
-    def stop_reason(self) -> str: ...
-    @property
-    def seconds(self) -> float: ...
-    @property
-    def ridge(self) -> float: ...
-    def versus(self, reference: str) -> float | None: ...
-
-
-def piece_report(design: Reported) -> Report:
+def piece_report(design: PickedWindows) -> Report:
     """Windows, parameters, comparison, search, and warnings."""
     taken = len(design.windows) * design.length
     headline = (
@@ -91,7 +28,7 @@ def piece_report(design: Reported) -> Report:
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
 
 
-def _windows(design: Reported) -> Section:
+def _windows(design: PickedWindows) -> Section:
     order = np.argsort(-np.nan_to_num(design.shares), kind="stable")[:_ROWS]
     numbers = np.isfinite(design.y).sum(axis=(1, 2))
     rows = [
@@ -104,7 +41,7 @@ def _windows(design: Reported) -> Section:
     return Section("Windows that say most", columns, rows, notes=notes)
 
 
-def _comparison(design: Reported) -> Section:
+def _comparison(design: PickedWindows) -> Section:
     rows = []
     for name, words in CHOICES.items():
         value, ratio = design.references[name], design.versus(name)
@@ -114,7 +51,7 @@ def _comparison(design: Reported) -> Section:
     return Section("Next to other choices", columns, rows)
 
 
-def _search(design: Reported) -> Section:
+def _search(design: PickedWindows) -> Section:
     efficiency = design.efficiency
     facts = [
         ("log det F, sum over samples", computed(design.log_det, 6) if np.isfinite(design.log_det) else "-inf: singular"),
@@ -122,14 +59,14 @@ def _search(design: Reported) -> Section:
         ("D-efficiency against the best choice", "-" if efficiency is None else f"at least {_whole(efficiency)}"),
         ("windows", f"{design.n_windows}, of which {design.n_disjoint} share no sample"),
         *((f"left out: {reason}", str(count)) for reason, count in design.left_out.items()),
-        ("end of the search", f"{ENDS[design.stop_reason]} ({counted(design.exchanges, 'exchange')})"),
+        ("end of the search", f"{design.stop_reason.words} ({counted(design.exchanges, 'exchange')})"),
         *_added(design),
         ("time", f"{design.seconds:.1f} s"),
     ]
     return Section("Search", (), facts)
 
 
-def _added(design: Reported) -> Iterator[tuple[str, str]]:
+def _added(design: PickedWindows) -> Iterator[tuple[str, str]]:
     if design.ridge:
         what = f"{number(design.ridge)} of the information of all windows, to compare choices; no figure here contains it"
         yield "added to F while singular", what
@@ -140,12 +77,12 @@ def _whole(efficiency: float) -> str:
     return f"{min(int(efficiency * 1e5) / 1e3, 100.0):g} %"
 
 
-def _warnings(design: Reported) -> Iterator[str]:
+def _warnings(design: PickedWindows) -> Iterator[str]:
     evaluation = design.evaluation
     if evaluation.covariance is None:
         yield (
             f"The windows determine {evaluation.rank} of {len(evaluation.parameters)} parameters: the combinations named below the"
             " criterion cannot be estimated from them. Pick more, or longer ones."
         )
-    if design.stop_reason != "no_exchange":
-        yield f"The search was ended early ({design.stop_reason}): better windows may be found in more time."
+    if not design.stop_reason.complete:
+        yield f"The search was ended early ({design.stop_reason.words}). {design.stop_reason.advice}"

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...show.numbers import computed, counted
 from ...show.progress import Step
@@ -102,8 +103,8 @@ class PieceSearch:
         gradient = self._packing.gradient(self._total(self.chosen))
         return np.asarray(self._f[self.chosen] @ gradient / self._packing.p)
 
-    def run(self, progress: Callable[[PieceProgress], None] | None = None, started: float = 0.0) -> str:
-        """Search, and return how it ended: "no_exchange", "most_exchanges" or "interrupted"."""
+    def run(self, progress: Callable[[PieceProgress], None] | None = None, started: float = 0.0) -> StopReason:
+        """Search until something ends it, and return why."""
 
         def report() -> None:
             if progress is not None:
@@ -117,14 +118,14 @@ class PieceSearch:
                     self.exchanges += 1
                     report()
                     if self.exchanges >= MOST_EXCHANGES:
-                        return "most_exchanges"
+                        return StopReason.max_iterations
                 before = self._value
                 if not self.singular:
                     self._weigh(self._total(self.chosen))
                 if not self._value > before:
-                    return "no_exchange"
+                    return StopReason.converged
         except KeyboardInterrupt:
-            return "interrupted"
+            return StopReason.interrupted
 
     def _total(self, chosen: Places) -> Array:
         return np.asarray(self._f[chosen].sum(axis=0) + self._known)

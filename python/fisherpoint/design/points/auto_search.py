@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...points.experiments import Experiments
@@ -120,11 +121,11 @@ class AutoSearch(PoolSearch):
         """A pool of what is there and so many new candidates at the edges of the region."""
         return random.with_more(self._pool(self.source.draw_at_edges(count)))
 
-    def run(self, progress: Callable[[Progress], None] | None) -> str:
+    def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         reason = super().run(progress)
         if self._enough is not None:
             self.best = self._enough
-        if reason != "interrupted":
+        if reason != StopReason.interrupted:
             self._copy_what_is_near()
         return reason
 

@@ -39,7 +39,7 @@ LOOKS = 60
 """Maximum number of batches checked on all nodes."""
 
 
-class _Parts:
+class _JoinedParts:
     """The candidates of many parts as those of one, for access to a few; `join` would copy them all."""
 
     def __init__(self, parts: Sequence[PointInformation]) -> None:
@@ -63,7 +63,7 @@ class _Parts:
 
 
 class _Best(NamedTuple):
-    everything: _Parts
+    everything: _JoinedParts
     candidates: CandidateRows
     found: Weights
 
@@ -118,7 +118,7 @@ class CandidateArchive:
         if isinstance(self.criteria[0], ConditionNumber):
             return None
         parts, count = [design, *self._seen], len(design)
-        everything, noise = _Parts(parts), output_covariance(self._problem, design, self._threads, "noise")
+        everything, noise = _JoinedParts(parts), output_covariance(self._problem, design, self._threads, "noise")
         rows = np.concatenate([scenario_rows(noise, part) for part in parts], axis=1)
         p, total = rows.shape[3], count + (0 if previous is None else len(previous))
         known = np.zeros((len(rows), p, p)) + self._of_prior / count
@@ -131,7 +131,7 @@ class CandidateArchive:
         level = self.criteria[0].level
         return None if value is None else Bound(float(value + level * np.log(2 * count / total)), len(everything) - count)
 
-    def _runnable(self, everything: _Parts, count: int) -> Callable[[Places], NDArray[np.bool_]]:
+    def _runnable(self, everything: _JoinedParts, count: int) -> Callable[[Places], NDArray[np.bool_]]:
         """Which candidates the plants of the prior can run; the first, which are the design's points, were tried before."""
         valid = np.arange(len(everything)) < count
 
@@ -163,7 +163,7 @@ class CandidateArchive:
     def _best_weights(self, design: PointInformation, previous: PointInformation | None) -> _Best | None:
         """The best weights of these candidates and the design's points, beside the previous ones."""
         parts = [design, *self._seen]
-        everything, noise = _Parts(parts), output_covariance(self._problem, design, self._threads, "noise")
+        everything, noise = _JoinedParts(parts), output_covariance(self._problem, design, self._threads, "noise")
         own = whitened_rows(noise, design)
         rows = np.empty((len(everything), *own.shape[1:]))  # filled part by part: they are most of the memory
         rows[: len(design)], first = own, len(design)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
 from ...engine import _core
 from ...information.candidates import CandidateSource
@@ -127,14 +128,14 @@ class PointSearch:
     def _first(self) -> PointInformation:
         return self.source.draw_confirmed(self.count)
 
-    def run(self, progress: Callable[[Progress], None] | None) -> str:
-        """Search until something ends it, and return what."""
+    def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
+        """Search until something ends it, and return why."""
         settings, exchanges, idle = self.settings, 0, 0
         try:
             for iteration in range(1, settings.max_iterations + 1):
                 exchanged = self._advance(iteration)
                 if exchanged is None:
-                    return "converged"
+                    return StopReason.converged
                 exchanges += exchanged
                 idle = 0 if exchanged else idle + 1
                 self._record(iteration, exchanged)
@@ -142,12 +143,12 @@ class PointSearch:
                     candidates = self.source.drawn, self.source.rejected.total()
                     progress(Progress(iteration, settings.max_iterations, self.best.log_det, exchanges, *candidates, self.seconds))
                 if settings.method.patience is not None and idle >= settings.method.patience:
-                    return "patience"
+                    return StopReason.patience
                 if self._late():
-                    return "time_limit"
+                    return StopReason.time_limit
         except KeyboardInterrupt:
-            return "interrupted"
-        return "max_iterations"
+            return StopReason.interrupted
+        return StopReason.max_iterations
 
     def _advance(self, iteration: int) -> bool | None:
         """One iteration: whether the best design is another one after it; None where nothing is left to try."""
@@ -216,7 +217,7 @@ class PointSearch:
 
     def found(
         self,
-        stop_reason: str,
+        stop_reason: StopReason,
         evaluation: Evaluation,
         under_noise: Evaluation | None,
         efficiency: Efficiency | None,

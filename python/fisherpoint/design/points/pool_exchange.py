@@ -53,7 +53,7 @@ class PoolExchange:
         self, columns: Array, chosen: NDArray[np.intp], fixed: Array, average: Average, criteria: Sequence[Criterion]
     ) -> None:
         self.chosen, self._average = chosen.copy(), average
-        self._parts = [_Part(columns[s], chosen, fixed[s], criterion) for s, criterion in enumerate(criteria)]
+        self._parts = [_Scenario(columns[s], chosen, fixed[s], criterion) for s, criterion in enumerate(criteria)]
         self._bounded = any(criterion.bounded for criterion in criteria)
 
     def promising(self, among: NDArray[np.intp], most: int, place: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
@@ -93,7 +93,9 @@ class PoolExchange:
         exactly = [part.criterion.added_exactly(f, w) if self._bounded else part.criterion.added(f, w) for part, f, w in parts]
         return self._average.ratios(offsets, exactly)
 
-    def _beside(self, chosen: NDArray[np.intp], columns: Sequence[Array]) -> tuple[list[tuple[_Part, Array, Array]], Array | None]:
+    def _beside(
+        self, chosen: NDArray[np.intp], columns: Sequence[Array]
+    ) -> tuple[list[tuple[_Scenario, Array, Array]], Array | None]:
         """Each scenario, with F of some points and the columns of candidates, and what the average needs to know of F."""
         fishers = [part.of(chosen) for part in self._parts]
         offsets = None
@@ -136,7 +138,7 @@ class PoolExchange:
         return exact
 
 
-class _Part:
+class _Scenario:
     """One scenario: its columns (p, n, N) and its criterion in coordinates in which F is about I."""
 
     def __init__(self, columns: Array, chosen: NDArray[np.intp], fixed: Array, criterion: Criterion) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...basics.checks import check_type
 from ...basics.messages import listed
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_design
@@ -151,7 +152,7 @@ def design_runs(
         end = _judged(search, kept, stop_reason)
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
         evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
-        if goal.requires_all and evaluation.null_directions and stop_reason == "all_starts":
+        if goal.requires_all and evaluation.null_directions and stop_reason == StopReason.completed:
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     scenarios = None
     if goal.over is not None:
@@ -196,10 +197,10 @@ class _End(NamedTuple):
     value: float
     tried: Feasibility
     classical: Mapping[str, ClassicalRuns]
-    stop_reason: str
+    stop_reason: StopReason
 
 
-def _judged(search: RunSearch, kept: Runs | None, reason: str) -> _End:
+def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
     """The best runs, on plants that the search has not seen.
 
     Where a classical design says more, and as many of these plants can run it, it is the design.
@@ -211,9 +212,9 @@ def _judged(search: RunSearch, kept: Runs | None, reason: str) -> _End:
 
     runs, value = search.planned(search.best), search.best.value
     try:
-        runs, value = search.tidy(search.best) if reason == "all_starts" else (runs, value)
+        runs, value = search.tidy(search.best) if reason == StopReason.completed else (runs, value)
     except KeyboardInterrupt:
-        reason = "interrupted"
+        reason = StopReason.interrupted
     tried = on_unseen(runs)
     classical: dict[str, ClassicalRuns] = {}
     try:
@@ -225,7 +226,7 @@ def _judged(search: RunSearch, kept: Runs | None, reason: str) -> _End:
             if found.value > value and of_plants.share >= tried.share:
                 runs, value, tried = own, found.value, of_plants
     except KeyboardInterrupt:
-        reason = "interrupted"
+        reason = StopReason.interrupted
     return _End(runs, value, tried, classical, reason)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from .reached_runs import ReachedRuns
 from .run_ascent import FIRST, ascend
-from .run_found import Found
 from .run_guard import Margin, RunGuard
 from .run_moves import best_moves, hopped
 from .run_objective import RunObjective
@@ -52,7 +52,7 @@ class Climb:
 
     Attributes
     ----------
-    best, last : Found or None
+    best, last : ReachedRuns or None
         The best runs so far, and those that the last step has led to.
     ended : bool
         Whether no more is gained.
@@ -63,7 +63,7 @@ class Climb:
         objective: RunObjective,
         guard: RunGuard,
         z: Array,
-        tried: Callable[[Array, NDArray[np.bool_] | None], Found],
+        tried: Callable[[Array, NDArray[np.bool_] | None], ReachedRuns],
         chosen: Callable[[Array], NDArray[np.bool_] | None],
         others: Callable[[], Array],
         rng: np.random.Generator,
@@ -73,8 +73,8 @@ class Climb:
         self._kappa = self._best_kappa = guard.first
         self._margin, self._lost, self._steps, self._moved = Margin(objective, guard), 0, 0, True
         self._explored = guard.first == 0.0 or not objective.margins.exist
-        self.best: Found | None = None
-        self.last: Found | None = None
+        self.best: ReachedRuns | None = None
+        self.last: ReachedRuns | None = None
         self.ended = False
 
     @property

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
 from ...basics.quantity import names_of
 from ...information.evaluation import Evaluation
-from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
 from ...points.run_region import RunRegion
-from ...points.runs import Runs
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
 from ..criterion_report import goal_facts
 from ..efficiency import d_efficiency
-from ..optimality.criteria import Criterion
+from ..found_runs import FoundRuns
 from ..over_report import over_sections
 from ..report import plants_sections
-from ..scenario_values import ScenarioValues
-from ..settings import RunSettings
 from ..singular_report import ridge_facts
 from .run_tables import divided, runs_tables
 
@@ -33,57 +28,7 @@ OF_MEAN, OF_SUM = "F as in (7)", "F summed over samples"
 """How a log det F is scaled: in the report of an evaluation, and in this one."""
 
 
-class HasRuns(Protocol):
-    """What pictures need of a :class:`fisherpoint.RunDesign`."""
-
-    @property
-    def problem(self) -> DesignProblem: ...
-    @property
-    def runs(self) -> Runs: ...
-    @property
-    def evaluation(self) -> Evaluation: ...
-
-
-class Reported(HasRuns, Protocol):
-    """What the report needs."""
-
-    @property
-    def settings(self) -> RunSettings: ...
-    @property
-    def criterion(self) -> Criterion: ...
-    @property
-    def value(self) -> float: ...
-    @property
-    def log_det(self) -> float: ...
-    @property
-    def ends(self) -> tuple[float, ...]: ...
-    @property
-    def again(self) -> int: ...
-    @property
-    def feasibility(self) -> Feasibility: ...
-    @property
-    def feasible(self) -> bool: ...
-    @property
-    def stop_reason(self) -> str: ...
-    @property
-    def n_kept(self) -> int: ...
-    @property
-    def drawn(self) -> int: ...
-    @property
-    def rejected(self) -> Mapping[str, int]: ...
-    @property
-    def seconds(self) -> float: ...
-    @property
-    def ridge(self) -> float: ...
-    @property
-    def classical(self) -> Mapping[str, float]: ...
-    @property
-    def scenarios(self) -> ScenarioValues | None: ...
-    @property
-    def classical_shares(self) -> Mapping[str, float]: ...
-
-
-def run_report(design: Reported) -> Report:
+def run_report(design: FoundRuns) -> Report:
     """Runs, parameters, which plants can run them, the search, and warnings."""
     problem, runs = design.problem, design.runs
     parameters = design.evaluation.parameters
@@ -124,7 +69,7 @@ def _summed(section: Section, evaluation: Evaluation) -> Section:
     return replace(section, rows=rows)
 
 
-def _known(design: Reported) -> Iterator[Section]:
+def _known(design: FoundRuns) -> Iterator[Section]:
     """How good the design is for all that is known, where designs of points have a certificate."""
     facts = [("bound", "none is proven: better runs may exist, and more starts may find them")]
     finite, name = {one: value for one, value in design.classical.items() if np.isfinite(value)}, design.settings.goal.criterion
@@ -137,17 +82,16 @@ def _known(design: Reported) -> Iterator[Section]:
     yield Section(f"{name}-efficiency", (), facts)
 
 
-def _search(design: Reported) -> Section:
-    reasons = {"all_starts": "the usual one", "time_limit": "the time was up", "interrupted": "interrupted"}
+def _search(design: FoundRuns) -> Section:
     singular = not np.isfinite(design.log_det)
     what = f"{design.settings.goal.maximised}, sum over samples"
     facts = [
         (what, "-inf: singular" if singular else computed(design.log_det, 6)),
         ("starts", f"{len(design.ends)} of {design.settings.n_starts}"),
         ("that ended as well as the best", f"{design.again} of {len(design.ends)}"),
-        ("end of the search", reasons[design.stop_reason]),
+        ("end of the search", design.stop_reason.words),
         ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
-        *ridge_facts(design, False),
+        *ridge_facts(design.ridge, False),
         ("time", f"{design.seconds:.1f} s"),
     ]
     others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
@@ -160,7 +104,7 @@ def _search(design: Reported) -> Section:
     return Section("Search", (), facts, notes=[*notes, *([] if singular or not others else [note])])
 
 
-def _classical(design: Reported) -> Iterator[Section]:
+def _classical(design: FoundRuns) -> Iterator[Section]:
     """Runs as they are chosen by hand, beside the design."""
     if not design.classical:
         return
@@ -182,15 +126,15 @@ def _classical(design: Reported) -> Iterator[Section]:
     yield Section("Beside classical runs", columns, rows, notes=[note])
 
 
-def _warnings(design: Reported) -> Iterator[str]:
+def _warnings(design: FoundRuns) -> Iterator[str]:
     if not design.feasible:
         required = percent(design.settings.goal.share_of_plants or 0.0)
         yield (
             f"Only {percent(design.feasibility.share)} of the plants that the prior allows can run this design, where {required}"
             " was required: shorten the runs, narrow the region, or give the search more starts."
         )
-    if design.stop_reason != "all_starts":
-        yield f"The search was ended early ({design.stop_reason}): a better design may be found in more time."
+    if not design.stop_reason.complete:
+        yield f"The search was ended early ({design.stop_reason.words}). {design.stop_reason.advice}"
     elif design.again == 1 and len(design.ends) > 1:
         yield "Only one start came to this design: there may be a better one. Run more starts (n_starts) to check."
     evaluation = design.evaluation
@@ -211,7 +155,7 @@ def _warnings(design: Reported) -> Iterator[str]:
             yield f"Starts lie on bounds of {', '.join(at)}: wider bounds would allow a better design."
 
 
-def _at_bound(design: Reported, region: RunRegion, name: str) -> bool:
+def _at_bound(design: FoundRuns, region: RunRegion, name: str) -> bool:
     lower, upper = region.bounds[name]
     values = design.runs.x0[:, names_of(design.problem.model.states).index(name)]
     return lower < upper and bool(np.isin(values, (lower, upper)).all())

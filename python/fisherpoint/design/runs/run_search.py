@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
@@ -25,9 +26,9 @@ from ..average import Average
 from ..optimality.criteria import Criterion
 from ..optimality.estimability import RUNS, restricted_criteria
 from ..settings import RunSettings
+from .reached_runs import ReachedRuns
 from .run_climb import Climb
 from .run_clock import Clock, OutOfTime
-from .run_found import Found
 from .run_guard import PLANTS, RunGuard
 from .run_objective import RunObjective
 from .run_plants import RunPlants
@@ -92,7 +93,7 @@ class RunSearch:
 
     Attributes
     ----------
-    classical : dict of profile to Found
+    classical : dict of profile to ReachedRuns
         Runs as they are chosen by hand; the search begins from them too.
     pool : RunPool
         Random runs, from which starts begin.
@@ -126,8 +127,8 @@ class RunSearch:
         of_search = RunPlants(problem, PLANTS, np.random.default_rng([self.seed, 1]), self._settings)
         self.guard = RunGuard(of_search, self._share_of_plants, kept, clock)
         self._climbs: list[Climb] = []
-        self.classical: dict[str, Found] = {}
-        self._found: list[Found] = []
+        self.classical: dict[str, ReachedRuns] = {}
+        self._found: list[ReachedRuns] = []
         wanted = max(4 * n_runs, 20, min(settings.n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
         clock.share = SHARES_OF_TIME[0]
         self.pool = RunPool(self.objective, wanted, self._rng)
@@ -139,12 +140,12 @@ class RunSearch:
             self.objective.criteria, _ = restricted_criteria(problem, criteria, self.pool.rows, previous, n_runs, "estimable", RUNS)
 
     @property
-    def best(self) -> Found:
+    def best(self) -> ReachedRuns:
         """The best runs so far: such that enough plants can run them, where there are any."""
         return max(self._found, key=lambda found: found.worth)
 
     @property
-    def ends(self) -> list[Found]:
+    def ends(self) -> list[ReachedRuns]:
         """The best runs of each start."""
         return [one.best for one in self._climbs if one.best is not None]
 
@@ -153,7 +154,7 @@ class RunSearch:
         """How many starts have ended where the best one did."""
         return sum(end.value >= self.best.value - SAME and end.feasible == self.best.feasible for end in self.ends)
 
-    def planned(self, found: Found) -> Runs:
+    def planned(self, found: ReachedRuns) -> Runs:
         """The runs that were found."""
         return self._planned(found.z, found.selected)
 
@@ -161,18 +162,18 @@ class RunSearch:
         runs = self.coordinates.runs(z)
         return runs if selected is None else runs.measuring(selected)
 
-    def run(self, progress: Callable[[RunProgress], None] | None) -> str:
+    def run(self, progress: Callable[[RunProgress], None] | None) -> StopReason:
         """Search to the end, or until it is late or interrupted; there are runs then in any case."""
-        reason = "all_starts"
+        reason = StopReason.completed
         try:
             if self.pool.interrupted:
                 raise KeyboardInterrupt
             self._begin()
             self._climb(progress)
         except KeyboardInterrupt:
-            reason = "interrupted"
+            reason = StopReason.interrupted
         except OutOfTime:
-            reason = "time_limit"
+            reason = StopReason.time_limit
         self.clock.paused = True
         if not self._found:
             z = self.pool.chosen(self.n_runs, self._rng)
@@ -236,7 +237,7 @@ class RunSearch:
         """Free numbers of the pool's best runs, and of the best of all starts."""
         return np.concatenate([self.pool.best_numbers(OTHERS), *(found.z for found in self.ends)])
 
-    def _tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Found:
+    def _tried(self, z: Array, selected: NDArray[np.bool_] | None) -> ReachedRuns:
         """What runs are worth without costs, and how many plants can run them.
 
         At the problem's own tolerance they may touch a surface that they just miss at the search's, and have no derivative there.
@@ -245,10 +246,10 @@ class RunSearch:
         self._found.append(found)
         return found
 
-    def _judged(self, z: Array, selected: NDArray[np.bool_] | None) -> Found:
+    def _judged(self, z: Array, selected: NDArray[np.bool_] | None) -> ReachedRuns:
         planned = self._planned(z, selected)
         if run_rows(self.problem, planned, self.problem.theta, self._settings).status.any():
-            return Found(z, selected, -np.inf, 0.0, False, False, (False, False, -np.inf))
+            return ReachedRuns(z, selected, -np.inf, 0.0, False, False, (False, False, -np.inf))
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
         share = self.guard.share(planned)
@@ -257,9 +258,9 @@ class RunSearch:
         if regular and self.objective.criteria[0].of_all:
             regular = determine_all(judged.matrices.sum(axis=0) + self.objective.previous)
         worth = value - SHORT * max(0.0, self.guard.short(share)) * (not enough)
-        return Found(z, selected, value, share, enough, regular, (regular, enough, worth))
+        return ReachedRuns(z, selected, value, share, enough, regular, (regular, enough, worth))
 
-    def tidy(self, found: Found) -> tuple[Runs, float]:
+    def tidy(self, found: ReachedRuns) -> tuple[Runs, float]:
         """The runs that were found with round numbers where that changes next to nothing, and what they are worth then."""
         runs, objective = self.planned(found), self.objective
         if self.singular or not found.regular:

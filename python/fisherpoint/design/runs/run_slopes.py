@@ -27,7 +27,7 @@ MOST_SLOPES = 20_000_000
 """Slopes at once, so that memory stays bounded."""
 
 
-class _Parts(NamedTuple):
+class _RunParts(NamedTuple):
     """Parts of K runs on R plants: rows (R, K, m, p), distances (R, K, c), and which runs reach their ends on all plants."""
 
     rows: Array
@@ -56,10 +56,10 @@ def linear_rows(
         return None
     inward = np.where(z[run, number] < 0.5, STEP, -STEP)
 
-    def beside(step: Array) -> _Parts:
+    def beside(step: Array) -> _RunParts:
         """Parts of runs that each have one number changed by a step."""
 
-        def part(some: slice) -> _Parts:
+        def part(some: slice) -> _RunParts:
             own = run[some]
             moved = z[own]
             moved[np.arange(len(own)), number[some]] += step[some]
@@ -70,9 +70,9 @@ def linear_rows(
             return _parts(objective, there, measured_segments)
 
         parts = objective.in_parts(part, len(run))
-        return _Parts(*(np.concatenate([one[k] for one in parts], axis=0 if k == 2 else 1) for k in range(3)))
+        return _RunParts(*(np.concatenate([one[k] for one in parts], axis=0 if k == 2 else 1) for k in range(3)))
 
-    def slopes(first: _Parts, second: _Parts, span: Array, both: NDArray[np.bool_]) -> tuple[Array, Array]:
+    def slopes(first: _RunParts, second: _RunParts, span: Array, both: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Derivatives by the numbers, zero where one of the two sides is missing."""
         found, scale = [], np.divide(1.0, span, out=np.zeros(len(span)), where=both)
         for k in range(2):
@@ -80,7 +80,7 @@ def linear_rows(
             found.append(difference * scale.reshape(-1, *[1] * (difference.ndim - 1)))
         return found[0], found[1]
 
-    at_own = _Parts(here.rows[:, run], here.distances[:, run], here.ok[run])
+    at_own = _RunParts(here.rows[:, run], here.distances[:, run], here.ok[run])
     near = beside(inward)
     by_rows, by_distances = slopes(near, at_own, inward, near.ok)
     if central or not near.ok.all():
@@ -102,14 +102,14 @@ def linear_rows(
     )
 
 
-def _parts(objective: RunObjective, tangents: RunTangents, measured_segments: NDArray[np.intp]) -> _Parts:
+def _parts(objective: RunObjective, tangents: RunTangents, measured_segments: NDArray[np.intp]) -> _RunParts:
     """Whitened rows of the measured segments, and distances where they count."""
     plants = len(objective.plants)
     of_all = tangents.rows(objective.problem)
     rows = of_all.sensitivity[:, measured_segments] / np.sqrt(np.diag(objective.problem.noise_covariance))[:, None]
     count = len(rows) // plants
     distances = objective.margins.distances(tangents) if objective.costly else np.empty((len(rows), 0))
-    return _Parts(
+    return _RunParts(
         rows.reshape(plants, count, -1, rows.shape[3]),
         distances.reshape(plants, count, -1),
         (of_all.status.reshape(plants, count) == Status.ok).all(axis=0),

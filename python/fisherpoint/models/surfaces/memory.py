@@ -6,32 +6,13 @@ A latch in equations is a further state, 0 or 1, which moves only where it is se
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import sympy
 
 from ..tape.latch import Latch, condition_of, holds
 from ..tape.parts import parts, rebuilt
-
-
-@dataclass(frozen=True)
-class Reset:
-    """States that get new values where a condition becomes true.
-
-    Attributes
-    ----------
-    condition : sympy.Expr
-        Positive where it holds.
-    values : tuple of (sympy.Symbol, sympy.Expr)
-        States with what they are set to.
-    by_level : bool
-        Whether it counts at a start too where its condition holds.
-    """
-
-    condition: Any
-    values: tuple[tuple[Any, Any], ...]
-    by_level: bool = False
+from ..tape.reset import Reset
 
 
 class Memory:

@@ -14,11 +14,12 @@ from ...basics.values import Array
 from ..tape.defined import Defined, value_of
 from ..tape.parts import parts, reads, symbols_of
 from ..tape.programs import Programs, build_programs
+from ..tape.reset import Reset
 from .branches import Branches, Surface
 from .domain import Domain, Limit
 from .evaluate import evaluate
 from .jumps import classified
-from .memory import Memory, Reset, remembered
+from .memory import Memory, remembered
 from .powers import Powers
 from .zeros import normal_form
 

@@ -10,17 +10,17 @@ from .graph import STAGE, Graph
 
 
 @dataclass(frozen=True)
-class Step:
+class FusedOperation:
     """An operation by name with its operands' nodes."""
 
     name: str
     operands: tuple[int, ...]
 
 
-def steps_of(graph: Graph, results: Sequence[int]) -> dict[int, Step]:
+def steps_of(graph: Graph, results: Sequence[int]) -> dict[int, FusedOperation]:
     """Steps by the node that they compute, in an order in which operands come first; leaves and literals have none."""
     steps = {
-        node: Step(graph.names[node], graph.operands[node])
+        node: FusedOperation(graph.names[node], graph.operands[node])
         for node in graph.needed(results)
         if graph.names[node] not in ("leaf", "literal")
     }
@@ -31,7 +31,7 @@ def steps_of(graph: Graph, results: Sequence[int]) -> dict[int, Step]:
     return _alive(graph, steps, results)
 
 
-def _share_divisions(graph: Graph, steps: dict[int, Step]) -> None:
+def _share_divisions(graph: Graph, steps: dict[int, FusedOperation]) -> None:
     """One division for each divisor: a division takes as long as several products."""
     quotients: dict[int, list[int]] = defaultdict(list)
     for node, step in steps.items():
@@ -40,28 +40,28 @@ def _share_divisions(graph: Graph, steps: dict[int, Step]) -> None:
     for divisor, nodes in quotients.items():
         if len(nodes) > 1:
             inverse = graph.operation("div", graph.one, divisor)
-            steps[inverse] = Step("div", (graph.one, divisor))
+            steps[inverse] = FusedOperation("div", (graph.one, divisor))
             for node in nodes:
                 if node != inverse:
-                    steps[node] = Step("mul", (steps[node].operands[0], inverse))
+                    steps[node] = FusedOperation("mul", (steps[node].operands[0], inverse))
 
 
-def _absorb_signs(graph: Graph, steps: dict[int, Step]) -> None:
+def _absorb_signs(graph: Graph, steps: dict[int, FusedOperation]) -> None:
     """-(a - b) is b - a, and -(a / b) is (-a) / b where -a is known before the stage."""
     for node, step in list(steps.items()):
         inner = steps.get(step.operands[0]) if step.name == "neg" else None
         if inner is None:
             continue
         if inner.name == "sub":
-            steps[node] = Step("sub", inner.operands[::-1])
+            steps[node] = FusedOperation("sub", inner.operands[::-1])
         elif inner.name == "div" and graph.levels[inner.operands[0]] < STAGE == graph.levels[node]:
             numerator = graph.neg(inner.operands[0])
             if graph.names[numerator] == "neg":
-                steps[numerator] = Step("neg", graph.operands[numerator])
-            steps[node] = Step("div", (numerator, inner.operands[1]))
+                steps[numerator] = FusedOperation("neg", graph.operands[numerator])
+            steps[node] = FusedOperation("div", (numerator, inner.operands[1]))
 
 
-def _fuse(graph: Graph, steps: dict[int, Step], results: Sequence[int]) -> None:
+def _fuse(graph: Graph, steps: dict[int, FusedOperation], results: Sequence[int]) -> None:
     """Make a product and a sum one operation where all that use the product are sums, so that it need not be formed."""
     users: dict[int, list[int]] = defaultdict(list)
     for node, step in steps.items():
@@ -76,22 +76,22 @@ def _fuse(graph: Graph, steps: dict[int, Step], results: Sequence[int]) -> None:
             steps.update({node: step for node, step in fused.items() if step is not None})
 
 
-def _with_product(graph: Graph, step: Step, product: int, factors: Step) -> Step | None:
+def _with_product(graph: Graph, step: FusedOperation, product: int, factors: FusedOperation) -> FusedOperation | None:
     a, b = factors.operands
     if step.name == "neg":
-        return Step("sub_mul", (a, b, graph.zero))
+        return FusedOperation("sub_mul", (a, b, graph.zero))
     if step.name == "add" and step.operands.count(product) == 1:
         (other,) = (operand for operand in step.operands if operand != product)
-        return Step("mul_add", (a, b, other))
+        return FusedOperation("mul_add", (a, b, other))
     if step.name == "sub":
         first, second = step.operands
-        return Step("mul_sub", (a, b, second)) if first == product else Step("sub_mul", (a, b, first))
+        return FusedOperation("mul_sub", (a, b, second)) if first == product else FusedOperation("sub_mul", (a, b, first))
     return None
 
 
-def _alive(graph: Graph, steps: dict[int, Step], results: Sequence[int]) -> dict[int, Step]:
+def _alive(graph: Graph, steps: dict[int, FusedOperation], results: Sequence[int]) -> dict[int, FusedOperation]:
     """Only the steps that results need, in an order in which operands come first, by depth first search from the results."""
-    ordered: dict[int, Step] = {}
+    ordered: dict[int, FusedOperation] = {}
     for result in results:
         open_nodes = [result]
         while open_nodes:

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
-from typing import Any, Protocol
+from typing import Any
 
 from .differentiate import gradient, rates_along
 from .from_sympy import nodes_of
 from .graph import Graph, Leaves
 from .program import Program
+from .reset import Reset
 from .schedule import schedule
 
 LIMIT = 64
@@ -21,17 +22,6 @@ MOST_RESETS = 32
 """The most resets that the core takes."""
 
 Entries = tuple[tuple[int, int], ...]
-
-
-class ResetLike(Protocol):
-    """Resets of states, see `build_programs`."""
-
-    @property
-    def condition(self) -> Any: ...
-    @property
-    def values(self) -> Sequence[tuple[Any, Any]]: ...
-    @property
-    def by_level(self) -> bool: ...
 
 
 @dataclass(frozen=True)
@@ -124,7 +114,7 @@ def build_programs(
     rough: Sequence[bool] = (),
     steep: Sequence[bool] = (),
     closed: Sequence[bool] = (),
-    resets: Sequence[ResetLike] = (),
+    resets: Sequence[Reset] = (),
 ) -> Programs:
     """Programs of x' = f(x, u, theta), y = g(x, u, theta).
 
@@ -152,7 +142,7 @@ def build_programs(
         For each, whether derivatives of f have no bounds there; none for nowhere. Such kinks come before others.
     closed : sequence of bool
         Of each domain limit that is no pole and not measured, whether f has a value where it is zero; none for nowhere.
-    resets : sequence with condition, values and by_level
+    resets : sequence of Reset
         Where states are set anew: what becomes positive, of sides, states with what they are set to, and whether it counts at a
         start too.
 
@@ -220,7 +210,7 @@ def build_programs(
 class _Resets:
     """Nodes of what sets states anew, and what states depend on because of it."""
 
-    def __init__(self, graph: Graph, resets: Sequence[ResetLike], symbols: Mapping[Any, int], switching: Sequence[int]) -> None:
+    def __init__(self, graph: Graph, resets: Sequence[Reset], symbols: Mapping[Any, int], switching: Sequence[int]) -> None:
         if len(resets) > MOST_RESETS:
             raise ValueError(f"resets: expected at most {MOST_RESETS}, two for every latch, given {len(resets)}")
         self._graph, self._switching = graph, switching

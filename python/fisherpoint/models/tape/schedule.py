@@ -8,12 +8,12 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from .fusion import Step, steps_of
+from .fusion import FusedOperation, steps_of
 from .graph import STAGE, Graph
 from .operations import CODES
 from .program import Integers, Program
 
-Steps = dict[int, Step]
+Steps = dict[int, FusedOperation]
 Registers = dict[int, int]  # by node
 Rows = list[list[int]]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 
 
-class Found(NamedTuple):
+class ReachedRuns(NamedTuple):
     """Runs that the search has come to; replaced as a whole, so that an interrupt cannot tear it.
 
     `share` is that of the plants on which they reach their ends, of those that the search has tried; `regular` says whether they

@@ -1,0 +1,66 @@
+"""What was validated, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ..basics.declared import Choices, Extents
+from ..basics.kept import Codec
+from ..information.problem import DesignProblem
+from ..models import Model
+from ..models.codec import model_from_json, model_to_json
+from .design_validation import DesignValidation
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ValidatedDesigns:
+    """What `validate` found; it shows itself as a table.
+
+    Attributes
+    ----------
+    problem : DesignProblem
+    designs : mapping of name to DesignValidation
+    noise_std : mapping of output name to float
+        Of the outputs that were measured.
+    runs : int
+        Virtual experiments with each design that were made.
+    theta : "prior", "mean" or mapping of parameter name to float
+    seed : int
+    redrawn : int
+        Draws from the prior that were left out because they make no sense to the model.
+    truth : Model or None
+        Model that made the data, if not the problem's.
+    noise : {"known", "estimated"}
+    use_prior : bool
+    seconds : float
+    asked : int
+        Requested number of virtual experiments: more than `runs` where Ctrl-C came first.
+    """
+
+    problem: DesignProblem
+    designs: Mapping[str, DesignValidation]
+    noise_std: Mapping[str, float]
+    runs: int
+    theta: str | Mapping[str, float]
+    seed: int
+    redrawn: int
+    truth: Model | None
+    noise: str
+    use_prior: bool
+    seconds: float
+    asked: int = 0
+
+    _CODEC: ClassVar[Codec] = {Model: (model_to_json, model_from_json)}
+    _EXTENTS: ClassVar[Extents] = {
+        "designs": ("+",),
+        "designs.parameters": ("problem.estimated",),
+        "noise_std": ("some problem.model.outputs",),
+    }
+    _CHOICES: ClassVar[Choices] = {"noise": ("known", "estimated")}
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended it before all virtual experiments were made."""
+        return self.runs < self.asked
