@@ -25,7 +25,7 @@ from ..points.region import ExperimentRegion
 from ..points.runs import as_runs, points_of
 from ..points.settings import resolve_threads
 from ..points.status import Status, failures_of
-from ..show.progress import check_progress, following
+from ..show.progress import Progress, check_progress, following
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
 from .optimality.estimability import determined, refuse_open
@@ -33,9 +33,8 @@ from .optimality.goal import Goal, goal_of
 from .over_prior import Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
-from .points.point_search import PointSearch, Progress
+from .points.point_search import PointSearch
 from .result import Design
-from .search_steps import points_step
 from .settings import ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations, searched_by
 
 
@@ -88,7 +87,8 @@ def exchange(
     threads : int, optional
         Default: every core.
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` once per iteration.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each
+        iteration; its value is the log det, or the log of the criterion, of the best design so far.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def designs(
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
     if settings.goal.over is not None:
         scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
-    with following(progress, "iteration", points_step(settings.goal), "drawing the first points") as report:
+    with following(progress, "iteration", "drawing the first points") as report:
         search = _search(problem, settings, threads, known, kept, scenarios)
         stop_reason = search.run(report)
         interrupted = stop_reason == "interrupted"

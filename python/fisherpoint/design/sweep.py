@@ -22,7 +22,7 @@ from ..information.prior_information import prior_information as information_of_
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..points.settings import resolve_threads
-from ..show.progress import check_progress, following
+from ..show.progress import Progress, check_progress, following
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
@@ -31,9 +31,8 @@ from .optimality.criteria import Criterion
 from .optimality.estimability import determined, not_told, refuse_open
 from .optimality.goal import GOAL_CODEC, GOAL_INSIDE, Goal, goal_of
 from .points.candidate_archive import CandidateArchive
-from .points.point_search import PointSearch, Progress
+from .points.point_search import PointSearch
 from .points.size_search import sized_searches
-from .search_steps import sizes_step
 from .settings import MOST, ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns, log_det_of
@@ -109,7 +108,7 @@ def sweep(
     seed: int = 0,
     time_limit: float | None = None,
     threads: int | None = None,
-    progress: bool | Callable[[int, Progress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> Sweep:
     """Find designs of several sizes, each from the last one and the candidates of all before.
 
@@ -128,8 +127,8 @@ def sweep(
     time_limit : float, optional
         Stop after so many seconds, with the sizes that are done then and the best design so far of the next one.
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with the size and a `Progress` once per
-        iteration.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each iteration:
+        the sizes that are done, and the log det of the best design so far of the next one.
 
     Returns
     -------
@@ -169,13 +168,13 @@ def sweep(
     search: PointSearch | None = None
     stop_reason = "done"
     try:
-        with following(progress, "sizes", sizes_step(sizes), "drawing the first points") as report:
+        with following(progress, "sizes", "drawing the first points") as report:
             for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
                 size = search.settings.n_experiments
                 if time_limit is not None:  # what is left of it
                     left = time_limit - (time.perf_counter() - started - search.seconds)
                     search.settings = replace(search.settings, time_limit=max(left, NO_TIME))
-                ended = search.run(None if report is None else partial(report, size))
+                ended = search.run(None if report is None else partial(_report, report, search, len(found), len(sizes), started))
                 if ended == "interrupted":
                     raise KeyboardInterrupt
                 check_determined(search)
@@ -226,6 +225,13 @@ def sweep(
         not_told=() if space is None else not_told(problem, space),
         ridge=ridge,
     )
+
+
+def _report(report: Callable[[Progress], None], search: PointSearch, done: int, sizes: int, started: float, _: Progress) -> None:
+    """Report the search for one size as a part of all."""
+    value = search.best.log_det
+    message = f"{search.settings.n_experiments} points, log det {value:.3f}"
+    report(Progress(done, sizes, value, message, time.perf_counter() - started))
 
 
 class _Found(NamedTuple):

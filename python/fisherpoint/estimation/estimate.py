@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ..points.settings import check_rtol, resolve_threads
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Rule
 from ..show.numbers import counted
-from ..show.progress import Step, check_progress, following
+from ..show.progress import Progress, check_progress, following
 from .fit import Fit
 from .known_noise import KnownNoise
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
@@ -34,14 +34,6 @@ from .starts import MOST_STARTS, evaluable_starts, further_starts, start_guess
 from .unknown_noise import check_noise_is_determined
 from .unknowns import checked_bounds, prior_factor, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
-
-
-class EstimateProgress(NamedTuple):
-    """What `estimate` has done: evaluations of the residuals at a set of unknowns, from how many starts it goes on, and seconds."""
-
-    evaluations: int
-    searches: int
-    seconds: float
 
 
 def estimate(
@@ -61,7 +53,7 @@ def estimate(
     starts: int = 8,
     rtol: float = 1e-9,
     threads: int | None = None,
-    progress: bool | Callable[[EstimateProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Estimate parameters from measured data, (5).
 
@@ -106,8 +98,9 @@ def estimate(
         Tolerance of the trajectories.
     threads : int, optional
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with an `EstimateProgress` after each
-        evaluation of the residuals.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each
+        evaluation of the residuals, with how many sets of unknowns they were evaluated at; the message says from how many starts
+        it goes on.
 
     Returns
     -------
@@ -191,14 +184,11 @@ def estimate(
 
 
 @contextmanager
-def _heard(observed: Observed, progress: bool | Callable[[EstimateProgress], None] | None) -> Iterator[None]:
+def _heard(observed: Observed, progress: bool | Callable[[Progress], None] | None) -> Iterator[None]:
     """Report every evaluation of the residuals."""
     started, evaluations = perf_counter(), 0
 
-    def step(now: EstimateProgress) -> Step:
-        return Step(state=f"{counted(now.evaluations, 'evaluation')}, from {counted(now.searches, 'start')}")
-
-    with following(progress, "estimating", step, counted=False) as report:
+    with following(progress, "estimating", counted=False) as report:
         if report is None:
             yield
             return
@@ -206,7 +196,8 @@ def _heard(observed: Observed, progress: bool | Callable[[EstimateProgress], Non
         def heard(searches: int) -> None:
             nonlocal evaluations
             evaluations += searches
-            report(EstimateProgress(evaluations, searches, perf_counter() - started))
+            message = f"{counted(evaluations, 'evaluation')}, from {counted(searches, 'start')}"
+            report(Progress(evaluations, None, None, message, perf_counter() - started))
 
         observed.heard = heard
         try:
