@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .estimation.fit import Fit
     from .information.assumed import assumed_covariance
     from .information.comparison import RuleComparison, compare_rules
+    from .information.deviations import Deviations
     from .information.evaluate import evaluate_design, evaluate_under_noise
     from .information.evaluation import Evaluation
     from .information.feasibility import Feasibility, feasibility
@@ -82,6 +83,7 @@ __all__ = [
     "DesignComparison",
     "DesignProblem",
     "DesignValidation",
+    "Deviations",
     "Efficiency",
     "Evaluation",
     "ExactDesign",
@@ -193,6 +195,7 @@ _PLACES = {
     ".estimation.fit": ("Fit",),
     ".information.assumed": ("assumed_covariance",),
     ".information.comparison": ("RuleComparison", "compare_rules"),
+    ".information.deviations": ("Deviations",),
     ".information.evaluate": ("evaluate_design", "evaluate_under_noise"),
     ".information.evaluation": ("Evaluation",),
     ".information.feasibility": ("Feasibility", "feasibility"),

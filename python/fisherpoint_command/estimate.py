@@ -120,12 +120,8 @@ def _estimate(
         start=problem.prior if no_prior else None,
         parameters=problem.parameters,
         noise_std=noise_std,
-        uncertain=problem.uncertain,
         # Noise that is estimated has what is drawn anew in it.
-        varies=problem.varies if known else None,
-        initial_state_std=problem.initial_state_std if known else None,
-        shared=problem.shared_starts if known else (),
-        assumed_rule=problem.assumed_rule,
+        deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
         threads=threads,
         progress=progress,
     )

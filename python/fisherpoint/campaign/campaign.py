@@ -373,11 +373,7 @@ class Campaign(Shown):
             start=before[-1].estimate if before else None,
             parameters=problem.estimated,
             noise_std=problem.noise_std,
-            uncertain=problem.uncertain,
-            varies=problem.varies,
-            initial_state_std=problem.initial_state_std,
-            shared=problem.shared_starts,
-            assumed_rule=problem.assumed_rule,
+            deviations=problem.deviations,
             threads=self._threads,
             progress=progress,
         )
