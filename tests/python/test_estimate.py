@@ -263,4 +263,4 @@ def test_what_is_assumed_is_not_for_records(label: str) -> None:
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
     assumed = {"g": 0.1} if label == "varies" else {"x": 0.1}
     with pytest.raises(ValueError, match=f"^{label}: expected measurements of points or runs, given a record"):
-        fp.estimate(decay, record, parameters=["k"], noise_std={"x": 0.1}, **{label: assumed})
+        fp.estimate(decay, record, parameters=["k"], noise_std={"x": 0.1}, deviations=fp.Deviations(**{label: assumed}))

@@ -146,7 +146,7 @@ def test_a_run_that_stopped_is_fitted_up_to_there() -> None:
 @pytest.mark.parametrize("noise", [None, NOISE])
 def test_files_restore_a_fit(noise: dict[str, float] | None, tmp_path: Path) -> None:
     points = fp.VirtualRig(MODEL, THETA, NOISE, seed=6).measure(drawn(9).starts)
-    given = {"noise_std": noise, "initial_state_std": START if noise else None}
+    given = {"noise_std": noise, "deviations": fp.Deviations(initial_state_std=START if noise else None)}
     fit = fp.estimate(MODEL, [with_gaps(measured(drawn())), points], **given)  # type: ignore[arg-type]
     fit.save(tmp_path)
     again = fp.Fit.load(tmp_path)
