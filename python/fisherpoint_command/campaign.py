@@ -63,10 +63,10 @@ def campaign(
         from fisherpoint.design.configuration import ConfigError
 
         from .drawing import drawers
-        from .results import free_for_campaign, needed
+        from .results import check_output, free_for_campaign
         from .terminal import as_file, read_config
         from .written import write_shown
-    needed(output, check)
+    check_output(output, check)
     config = read_config(file)
     settings = _settings(config, size, seed)
     if output is not None:
@@ -91,7 +91,7 @@ def campaign(
             write_whole(output / "report.txt", as_file(run.report()))
             lines += ["", str(run)]
         written = ["report.txt"] if run.history else []
-        written += write_shown(run, output, drawing, file)
+        written += write_shown(run, file, output, drawing)
     lines += ["", f"Written to {output}: {', '.join(written)}"]
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]

@@ -143,7 +143,7 @@ LIMITS: dict[Callable[[], int], int] = {
     checks_of_points: 24,
     protocols: 20,
     json_functions: 35,
-    long_signatures: 3,
+    long_signatures: 1,
     shared_class_names: 9,
     dialect: 30,
     hanging_docstrings: 5,
