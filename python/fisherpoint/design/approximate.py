@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..basics.checks import as_positive, check_positive_int, check_type
+from ..basics.options import with_options
 from ..basics.values import FrozenMapping
 from ..information.combinations import combinations
 from ..information.prior_information import prior_information
@@ -44,6 +45,7 @@ SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
 
 
+@with_options
 def approximate(
     problem: DesignProblem,
     candidates: Experiments | None = None,

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..basics.checks import as_positive, check_positive_int, check_type
+from ..basics.options import with_options
 from ..basics.values import FrozenMapping
 from ..information.combinations import combinations
 from ..information.prior_information import prior_information
@@ -31,6 +32,7 @@ TOLERANCE = 1e-6
 MOST_EXPERIMENTS, MOST_NODES = 10_000, 10**9
 
 
+@with_options
 def exact(
     problem: DesignProblem,
     candidates: Experiments,

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..basics.checks import check_type
+from ..basics.options import with_options
 from ..information.candidates import surviving
 from ..information.evaluation import Evaluation
 from ..information.nuisance import beside_nuisance
@@ -38,6 +39,7 @@ from .result import Design
 from .settings import ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations, searched_by
 
 
+@with_options
 def exchange(
     problem: DesignProblem,
     n_experiments: int = 12,

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..basics.checks import as_float, as_sequence, by_name, check_choice, check_mapping
+from ..basics.options import Options
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..information.point_information import PointInformation
@@ -23,7 +24,7 @@ MOST_SCENARIOS = 1024
 
 
 @dataclass(frozen=True)
-class OverPrior:
+class OverPrior(Options):
     """A criterion over the prior: what `exchange` maximises instead of log det F at the prior mean.
 
     Parameters

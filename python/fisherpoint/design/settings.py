@@ -14,6 +14,7 @@ from ..basics.checks import (
     check_type,
 )
 from ..basics.kept import decoded, encoded
+from ..basics.options import Options
 from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
 from .optimality.goal import GOAL_CODEC, GOAL_INSIDE, Goal, with_default_confidence
@@ -33,7 +34,7 @@ TIME_LIMIT = Key(
 
 
 @dataclass(frozen=True)
-class ExchangeMethod:
+class ExchangeMethod(Options):
     """How `exchange` searches for points.
 
     Parameters

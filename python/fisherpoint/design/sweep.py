@@ -14,6 +14,7 @@ import numpy as np
 from ..basics.checks import as_sequence, check_positive_int, check_type
 from ..basics.extras import needed_for
 from ..basics.kept import Codec, Kept
+from ..basics.options import with_options
 from ..information.codec import evaluation_from_json, evaluation_to_json, problem_from_json, problem_to_json
 from ..information.evaluation import Evaluation
 from ..information.point_information import PointInformation
@@ -95,6 +96,7 @@ class Sweep(SweptDesigns, Shown, Kept):
         return drawn(plot_sweep(self), path)
 
 
+@with_options
 def sweep(
     problem: DesignProblem,
     n_experiments: Iterable[int],

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, check_type, some_names_among
 from ..basics.messages import listed, shown
+from ..basics.options import with_options
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
@@ -36,6 +37,7 @@ from .unknowns import checked_bounds, prior_factor, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
 
 
+@with_options
 def estimate(
     model: Model,
     data: Any,
@@ -129,7 +131,8 @@ def estimate(
     threads = resolve_threads(threads)
     rtol = check_rtol(rtol)
     observed = Observed(joint.model, parts, (*chosen, *joint.nuisance_names), theta, rtol, threads)
-    warn_of_small_states(model, "the starts keep", *(part.points.x0 for part in parts if isinstance(part, Measurements)))
+    starts_given = (part.points.x0 for part in parts if isinstance(part, Measurements))
+    warn_of_small_states(model, "the starts keep", *starts_given, stacklevel=4)  # past `with_options`
     known_names = dict.fromkeys((*names, *observed.names))
     for label, mapping in (("start", start), ("prior", prior)):
         given_names = mapping.names if isinstance(mapping, GaussianPrior) else tuple(mapping or ())

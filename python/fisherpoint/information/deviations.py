@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..basics.checks import as_std_or_zero, by_name, names_among
+from ..basics.options import Options
 from ..prior.rules import Rule
 
 
 @dataclass(frozen=True, kw_only=True)
-class Deviations:
+class Deviations(Options):
     """Standard deviations of what is neither known exactly nor estimated; those of a problem are `DesignProblem.deviations`.
 
     Parameters

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choice, check_flag, check_name, check_type
 from ...basics.kept import Codec
+from ...basics.options import Options
 from ...points.codec import points_from_json, points_to_json
 from ...points.experiments import Experiments
 from ...prior.codec import rule_from_json, rule_to_json
@@ -66,7 +67,7 @@ UNABLE: Mapping[str, Mapping[str, str]] = {
 
 
 @dataclass(frozen=True)
-class Goal:
+class Goal(Options):
     """What a design is to be good for.
 
     Parameters

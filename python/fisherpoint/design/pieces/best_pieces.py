@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...basics.checks import check_positive_int, check_type
+from ...basics.options import with_options
 from ...basics.values import Array, FrozenMapping
 from ...data.pieces import Pieces
 from ...information.combinations import combinations
@@ -27,6 +28,7 @@ RANDOM_CHOICES = 200
 """Number of random choices of windows; the report shows their median."""
 
 
+@with_options
 def best_pieces(
     problem: DesignProblem,
     pieces: Pieces,

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...basics.checks import check_type
-from ...basics.messages import listed
+from ...basics.messages import listed, stacklevel_of_user
+from ...basics.options import with_options
 from ...basics.values import Array, FrozenMapping
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_design
@@ -38,6 +39,7 @@ from .run_references import ClassicalRuns
 from .run_search import RunSearch
 
 
+@with_options
 def design_runs(
     problem: DesignProblem,
     n_runs: int = 1,
@@ -119,7 +121,7 @@ def design_runs(
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
-        warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=2)
+        warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=stacklevel_of_user())
     there = np.array([_known_there(moved, problem, known, previous, threads) for moved in problems])
     kept = None
     if keep is not None:
