@@ -106,15 +106,15 @@ def design(
     planned = settings_of(problem, settings)
     if keep is not None and not len(kept) < planned.n_experiments:
         raise ConfigError(f"{keep}: expected fewer points than the design has, {planned.n_experiments}; given {len(kept)}")
+    if not frame.check and (planned.goal.share_of_plants is not None or isinstance(problem.rule, fp.Sobol)):
+        with importing():
+            import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
 
     def plan() -> list[Row]:
         given = [points_row(f"kept, of {keep}", kept)] if keep is not None else []
         return [*given, *search_rows(problem, planned)]
 
     def compute(drawing: Drawers) -> Outcome:
-        if planned.goal.share_of_plants is not None or isinstance(problem.rule, fp.Sobol):
-            with importing():
-                import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
         found, earlier = None, {name: settings.get(name) for name in ("previous", "keep")}
         try:
             for found in designs(problem, planned, **earlier, threads=frame.threads, progress=not frame.quiet):
