@@ -85,8 +85,8 @@ class Frame:
     threads: int | None
     check: bool
     no_plots: bool
-    force: bool
     quiet: bool
+    force: bool = False
 
     def run(self, task: Task) -> int:
         """Do the work of a command, or say what it would do, and return the exit code."""

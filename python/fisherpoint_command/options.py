@@ -62,13 +62,14 @@ class Noise(StrEnum):
     estimated = "estimated"
 
 
-def framed(output: Any) -> Callable[[Callable[..., int]], Callable[..., int]]:
+def framed(output: Any, *, force: bool = True) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Make a command of a function that takes a `Frame` first, and whose own arguments follow.
 
-    The options of the frame come with it: `output`, of this type, behind what is needed, and the others at the end.
+    The options of the frame come with it: `output`, of this type, behind what is needed, and the others at the end, without `force`
+    where no result is ever replaced.
     """
-    behind = {"threads": (Threads, None), "check": (Check, False), "no_plots": (NoPlots, False), "force": (Force, False)}
-    behind |= {"quiet": (Quiet, False)}
+    behind = {"threads": (Threads, None), "check": (Check, False), "no_plots": (NoPlots, False)}
+    behind |= ({"force": (Force, False)} if force else {}) | {"quiet": (Quiet, False)}
 
     def command_of(function: Callable[..., int]) -> Callable[..., int]:
         _, *own = signature(function, eval_str=True).parameters.values()
