@@ -10,8 +10,8 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .campaign.campaign import Campaign
     from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
     from .data.pieces import Pieces, pieces
-    from .design.approximate import ApproximateProgress, approximate
-    from .design.compare import ComparedDesign, CompareProgress, DesignComparison, compare
+    from .design.approximate import approximate
+    from .design.compare import ComparedDesign, DesignComparison, compare
     from .design.configuration import load_problem
     from .design.cost import Cost
     from .design.efficiency import Efficiency
@@ -19,7 +19,6 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.exchange import exchange
     from .design.found import TraceRecord
     from .design.optimality.approximate_design import ApproximateDesign
-    from .design.optimality.branch_and_bound import ExactProgress
     from .design.optimality.criteria import Criterion
     from .design.optimality.exact_design import ExactDesign
     from .design.optimality.goal import Goal
@@ -27,22 +26,19 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.over_prior import OverPrior
     from .design.pieces.best_pieces import best_pieces
     from .design.pieces.piece_design import PieceDesign
-    from .design.pieces.piece_search import PieceProgress
-    from .design.points.point_search import Progress
     from .design.result import Design
     from .design.runs.design_runs import design_runs
     from .design.runs.run_design import RunDesign
-    from .design.runs.run_search import RunProgress
     from .design.scenario_values import ScenarioValues
     from .design.settings import ExchangeMethod, ExchangeSettings, RunSettings
     from .design.sweep import Sweep, sweep
     from .design.swept import SizedDesign
     from .engine.levels import available_isas, isa
-    from .estimation.estimate import EstimateProgress, estimate
+    from .estimation.estimate import estimate
     from .estimation.fit import Fit
-    from .estimation.profile import ProfileProgress
     from .information.assumed import assumed_covariance
     from .information.comparison import RuleComparison, compare_rules
+    from .information.deviations import Deviations
     from .information.evaluate import evaluate_design, evaluate_under_noise
     from .information.evaluation import Evaluation
     from .information.feasibility import Feasibility, feasibility
@@ -69,18 +65,17 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .points.trajectories import Sensitivities, Trajectories
     from .prior.gaussian import GaussianPrior
     from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+    from .show.progress import Progress
     from .validation.design_validation import DesignValidation
     from .validation.result import Validation
-    from .validation.validate import ValidationProgress, validate
+    from .validation.validate import validate
 
 __version__ = "0.1.0"
 
 __all__ = [
     "ApproximateDesign",
-    "ApproximateProgress",
     "CallableModel",
     "Campaign",
-    "CompareProgress",
     "ComparedDesign",
     "Constraint",
     "Cost",
@@ -89,11 +84,10 @@ __all__ = [
     "DesignComparison",
     "DesignProblem",
     "DesignValidation",
+    "Deviations",
     "Efficiency",
-    "EstimateProgress",
     "Evaluation",
     "ExactDesign",
-    "ExactProgress",
     "ExchangeMethod",
     "ExchangeSettings",
     "ExperimentRegion",
@@ -111,10 +105,8 @@ __all__ = [
     "Nearby",
     "OverPrior",
     "PieceDesign",
-    "PieceProgress",
     "Pieces",
     "PredictiveCovariance",
-    "ProfileProgress",
     "Progress",
     "Quantity",
     "Record",
@@ -123,7 +115,6 @@ __all__ = [
     "Rule",
     "RuleComparison",
     "RunDesign",
-    "RunProgress",
     "RunRegion",
     "RunSettings",
     "Runs",
@@ -141,7 +132,6 @@ __all__ = [
     "Trajectories",
     "Unscented",
     "Validation",
-    "ValidationProgress",
     "VirtualRig",
     "approximate",
     "assumed_covariance",
@@ -180,8 +170,8 @@ _PLACES = {
     ".campaign.campaign": ("Campaign",),
     ".data": ("Measurements", "Record", "RecordTrajectory", "VirtualRig", "simulate_record"),
     ".data.pieces": ("Pieces", "pieces"),
-    ".design.approximate": ("ApproximateProgress", "approximate"),
-    ".design.compare": ("CompareProgress", "ComparedDesign", "DesignComparison", "compare"),
+    ".design.approximate": ("approximate",),
+    ".design.compare": ("ComparedDesign", "DesignComparison", "compare"),
     ".design.configuration": ("load_problem",),
     ".design.cost": ("Cost",),
     ".design.efficiency": ("Efficiency",),
@@ -189,7 +179,6 @@ _PLACES = {
     ".design.exchange": ("exchange",),
     ".design.found": ("TraceRecord",),
     ".design.optimality.approximate_design": ("ApproximateDesign",),
-    ".design.optimality.branch_and_bound": ("ExactProgress",),
     ".design.optimality.exact_design": ("ExactDesign",),
     ".design.optimality.goal": ("Goal",),
     ".design.optimality.goal_criterion": ("criterion",),
@@ -197,22 +186,19 @@ _PLACES = {
     ".design.over_prior": ("OverPrior",),
     ".design.pieces.best_pieces": ("best_pieces",),
     ".design.pieces.piece_design": ("PieceDesign",),
-    ".design.pieces.piece_search": ("PieceProgress",),
-    ".design.points.point_search": ("Progress",),
     ".design.result": ("Design",),
     ".design.runs.design_runs": ("design_runs",),
     ".design.runs.run_design": ("RunDesign",),
-    ".design.runs.run_search": ("RunProgress",),
     ".design.scenario_values": ("ScenarioValues",),
     ".design.settings": ("ExchangeMethod", "ExchangeSettings", "RunSettings"),
     ".design.sweep": ("Sweep", "sweep"),
     ".design.swept": ("SizedDesign",),
     ".engine.levels": ("available_isas", "isa"),
-    ".estimation.estimate": ("EstimateProgress", "estimate"),
+    ".estimation.estimate": ("estimate",),
     ".estimation.fit": ("Fit",),
-    ".estimation.profile": ("ProfileProgress",),
     ".information.assumed": ("assumed_covariance",),
     ".information.comparison": ("RuleComparison", "compare_rules"),
+    ".information.deviations": ("Deviations",),
     ".information.evaluate": ("evaluate_design", "evaluate_under_noise"),
     ".information.evaluation": ("Evaluation",),
     ".information.feasibility": ("Feasibility", "feasibility"),
@@ -237,9 +223,10 @@ _PLACES = {
     ".points.trajectories": ("Sensitivities", "Trajectories"),
     ".prior.gaussian": ("GaussianPrior",),
     ".prior.rules": ("GaussHermite", "Linearized", "Rule", "Sobol", "SparseGaussHermite", "TensorGrid", "Unscented"),
+    ".show.progress": ("Progress",),
     ".validation.design_validation": ("DesignValidation",),
     ".validation.result": ("Validation",),
-    ".validation.validate": ("ValidationProgress", "validate"),
+    ".validation.validate": ("validate",),
 }
 """The modules that have these names. Each is imported at the first use of a name, so that unused ones cost no time."""
 

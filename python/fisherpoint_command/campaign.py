@@ -13,8 +13,9 @@ from fisherpoint.basics.messages import printable
 
 from .argv import shell_line
 from .exits import INTERRUPTED
+from .frame import Frame
 from .importing import importing
-from .options import Check, NoPlots, Output, Quiet, Seed, Threads
+from .options import Output, Seed, framed
 from .partial_output import begin_writing
 from .standard_input import one_from_standard_input
 
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from fisherpoint.design.configuration import Config
 
 
+@framed(Output, force=False)
 def campaign(
+    frame: Frame,
     file: Annotated[
         Path,
         typer.Argument(
@@ -31,7 +34,6 @@ def campaign(
             help="Model, prior, sensor noise, region and \\[campaign].",
         ),
     ],
-    output: Output = None,
     data: Annotated[
         Path | None,
         typer.Option(
@@ -45,10 +47,6 @@ def campaign(
         typer.Option("-L", "--size", min=1, metavar="N", help="Points, or runs, of a batch; overrides the file."),
     ] = None,
     seed: Seed = None,
-    threads: Threads = None,
-    check: Check = False,
-    no_plots: NoPlots = False,
-    quiet: Quiet = False,
 ) -> int:
     """Design, measure and estimate in batches of points or of runs, until the relative standard errors are at their targets.
 
@@ -56,32 +54,29 @@ def campaign(
     saved at once: after a kill the same command goes on.
     """
     with importing():
-        import rich.progress  # noqa: F401  for the bar
-
         import fisherpoint.campaign.campaign  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
 
         from .drawing import drawers
-        from .results import free_for_campaign, needed
+        from .results import free_for_campaign
         from .terminal import as_file, read_config
         from .written import write_shown
-    needed(output, check)
-    config = read_config(file)
+    config, output = read_config(file), frame.output
     settings = _settings(config, size, seed)
     if output is not None:
         free_for_campaign(output, fp.Campaign.is_in)
-    if check:
+    if frame.check:
         return _check(config, settings, file, output, data)
     assert output is not None
-    with drawers(None if no_plots else "fisherpoint.campaign.pictures") as drawing:
+    with drawers(None if frame.no_plots else "fisherpoint.campaign.pictures") as drawing:
         begin_writing(output)
         try:
             measured = None if data is None else _read(config, data)
-            run = _opened(config, settings, output, threads)
-            lines = [] if data is None or measured is None else _taken(run, data, measured, progress=not quiet)
+            run = _opened(config, settings, output, frame.threads)
+            lines = [] if data is None or measured is None else _taken(run, data, measured, progress=not frame.quiet)
             if not run.done or run.planned is not None:
-                run.next(progress=not quiet)
+                run.next(progress=not frame.quiet)
         except RuntimeError as error:  # another process
             raise ConfigError(str(error)) from error
         except KeyboardInterrupt:
@@ -91,11 +86,11 @@ def campaign(
             write_whole(output / "report.txt", as_file(run.report()))
             lines += ["", str(run)]
         written = ["report.txt"] if run.history else []
-        written += write_shown(run, output, drawing, file)
+        written += write_shown(run, file, output, drawing)
     lines += ["", f"Written to {output}: {', '.join(written)}"]
     if run.planned is not None:
         lines += ["", *_to_do(run, file, output)]
-    if not quiet:
+    if not frame.quiet:
         print("\n".join(map(printable, "\n".join(lines).strip("\n").split("\n"))))
     return 0
 

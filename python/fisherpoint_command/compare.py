@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import fisherpoint as fp
 
+from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Check, Designs, Force, NoPlots, OutputIfAny, Quiet, Threads
+from .options import Designs, OutputIfAny, framed
 from .standard_input import one_from_standard_input
+
+if TYPE_CHECKING:
+    from .drawing import Drawers
+    from .dry_run import Row
 
 DRAWS = 1000
 """Plants on which designs are tried, by default."""
 
 
+@framed(OutputIfAny)
 def compare(
+    frame: Frame,
     file: Annotated[
         Path, typer.Argument(metavar="FILE.toml", callback=one_from_standard_input, help="Model, prior and sensor noise.")
     ],
     designs: Designs,
-    output: OutputIfAny = None,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the plants on which the designs are tried.")] = 0,
-    threads: Threads = None,
-    check: Check = False,
-    no_plots: NoPlots = False,
-    force: Force = False,
-    quiet: Quiet = False,
 ) -> int:
     """Compare the effort and the worth of designs.
 
@@ -36,39 +38,27 @@ def compare(
     """
     with importing():
         import fisherpoint.design.compare  # noqa: F401  with all that it imports
-        from fisherpoint.basics.files import write_together
 
-        from .drawing import drawers
-        from .dry_run import about, points_row, show_plan, size_of
+        from .dry_run import about, points_row, size_of
         from .heartbeat import alive
-        from .results import free_directory, make_directory, remove_old
-        from .runs import read_points
-        from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside
-        from .written import PAGE, write_shown
+        from .runs import read_designs
+        from .terminal import read_config
+        from .written import write_shown, write_tables
     config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, as designs are compared by it")
-    points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
-    for path, given in zip(designs, points.values(), strict=True):
-        warn_of_outside(problem, path, given)
-    old = free_directory(output, force)
-    if check:
+    points = read_designs(designs, problem)
+
+    def plan() -> list[Row]:
         size = sum(map(size_of, points.values())) * DRAWS
-        rows = [*(points_row(name, given) for name, given in points.items()), about(size, f"{DRAWS} plants, seed {seed}")]
-        return show_plan(problem, [file, *designs], rows, output)
-    with drawers(None if output is None or no_plots else "fisherpoint.design.compare_picture") as drawing:
+        return [*(points_row(name, given) for name, given in points.items()), about(size, f"{DRAWS} plants, seed {seed}")]
+
+    def compute(_: Drawers) -> Outcome:
         with alive("comparing"):
-            found = fp.compare(problem, points, seed=seed, threads=threads)
-        if not quiet:
-            show(found.report())
-        if output is not None:
-            make_directory(output, old)
-            contents = {"comparison.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
-            written = [path.name for path in write_together(output, contents, stale=["comparison.png", PAGE])]
-            written += write_shown(found, output, drawing, file)
-            if not quiet:
-                print()
-                say(f"Written to {output}: {', '.join(written)}")
-            remove_old(output, old, written, quiet)
-    return 0
+            found = fp.compare(problem, points, seed=seed, threads=frame.threads)
+        write = partial(write_tables, {"comparison.csv": lambda: found.to_pandas().to_csv()}, ["comparison.png"])
+        return Outcome(report=found.report, write=write, draw=partial(write_shown, found, file))
+
+    pictures = "fisherpoint.design.compare_picture"
+    return frame.run(Task(problem=problem, files=[file, *designs], plan=plan, pictures=pictures, compute=compute))

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import fisherpoint as fp
 
 from .argv import shell_line
-from .exits import INTERRUPTED, complain
+from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Check, File, Force, NoPlots, Output, Previous, Quiet, Seed, Threads
+from .options import File, Output, Previous, Seed, framed
 from .standard_input import one_from_standard_input
+
+if TYPE_CHECKING:
+    from .drawing import Drawers
+    from .dry_run import Row
 
 
 class Method(StrEnum):
@@ -33,9 +39,10 @@ class Over(StrEnum):
     cvar = "cvar"
 
 
+@framed(Output)
 def design(
+    frame: Frame,
     file: File,
-    output: Output = None,
     size: Annotated[
         int | None, typer.Option("-L", "--size", min=1, metavar="N", help="Points, or runs; overrides the value in the file.")
     ] = None,
@@ -54,11 +61,6 @@ def design(
         ),
     ] = None,
     previous: Previous = None,
-    threads: Threads = None,
-    check: Check = False,
-    no_plots: NoPlots = False,
-    force: Force = False,
-    quiet: Quiet = False,
 ) -> int:
     """Find the experiment points, or with a table of runs in the file the runs, that determine the parameters best.
 
@@ -66,21 +68,15 @@ def design(
     early and keeps the best design so far.
     """
     with importing():
-        import rich.progress  # noqa: F401  for the bar
-
-        from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.design.exchange import designs
         from fisherpoint.design.plots import plots_of
         from fisherpoint.points.outside import few, outside
 
-        from .drawing import drawers
-        from .dry_run import points_row, search_rows, settings_of, show_plan
-        from .results import free_directory, make_directory, needed, remove_old
+        from .dry_run import points_row, search_rows, settings_of
         from .runs import design_of_runs, read_previous
-        from .terminal import as_file, read_config, read_data, say, show
+        from .terminal import read_config, read_data
         from .written import write_shown
-    needed(output, check)
     config = read_config(file)
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
@@ -89,7 +85,10 @@ def design(
         for option in (option for option, given in of_points.items() if given):
             raise ConfigError(f"{option}: expected a file with points to design; {file} has a table [runs]")
         settings = _with_over(config.run_settings(), over)
-        return design_of_runs(config, settings, file, output, size, seed, threads, check, no_plots, force, quiet)
+        for name, value in (("n_runs", size), ("seed", seed)):
+            if value is not None:
+                settings[name] = value
+        return design_of_runs(frame, config, settings, file)
     problem, settings = config.problem(), _with_over(config.exchange_settings(), over)
     chosen = None if method is None else replace(settings["method"], name=method.value)
     for name, value in (("n_experiments", size), ("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
@@ -107,42 +106,47 @@ def design(
     planned = settings_of(problem, settings)
     if keep is not None and not len(kept) < planned.n_experiments:
         raise ConfigError(f"{keep}: expected fewer points than the design has, {planned.n_experiments}; given {len(kept)}")
-    old = [] if output is None else free_directory(output, force)
-    if check:
-        given = [points_row(f"kept, of {keep}", kept)] if keep is not None else []
-        return show_plan(problem, files, [*given, *search_rows(problem, planned)], output)
-    assert output is not None
-    if planned.goal.share_of_plants is not None or isinstance(problem.rule, fp.Sobol):
+    if not frame.check and (planned.goal.share_of_plants is not None or isinstance(problem.rule, fp.Sobol)):
         with importing():
             import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
-    with drawers(None if no_plots else "fisherpoint.design.pictures") as drawing:
+
+    def plan() -> list[Row]:
+        given = [points_row(f"kept, of {keep}", kept)] if keep is not None else []
+        return [*given, *search_rows(problem, planned)]
+
+    def compute(drawing: Drawers) -> Outcome:
         found, earlier = None, {name: settings.get(name) for name in ("previous", "keep")}
         try:
-            for found in designs(problem, planned, **earlier, threads=threads, progress=not quiet):
+            for found in designs(problem, planned, **earlier, threads=frame.threads, progress=not frame.quiet):
                 drawing.begin(plots_of(found))  # but for the criterion's, which shows what is compared in the end
         except KeyboardInterrupt:
             if found is None:
-                complain("interrupted before a design was found; nothing was saved")
-                return INTERRUPTED
+                raise
             found = replace(found, stop_reason=fp.StopReason.interrupted)
         assert found is not None
-        make_directory(output, old)
-        found.save(output)
-        report = found.report()
-        write_whole(output / "report.txt", as_file(report))
-        if not quiet:
-            show(report)
         interrupted = found.stop_reason == fp.StopReason.interrupted
-        shown = write_shown(found, output, drawing.unless(interrupted), file)
-    written = ["design.csv", "design.json", "report.txt", *shown]
-    if not quiet:
-        print()
-        say(f"Written to {output}: {', '.join(written)}")
-        if interrupted:
-            again = shell_line("fisherpoint", "evaluate", file, output / "design.csv", "-o", output / "evaluated")
-            say(f"For pictures: {again}")
-    remove_old(output, old, written, quiet)
-    return INTERRUPTED if interrupted else 0
+        return Outcome(
+            report=found.report,
+            write=partial(_write, found),
+            draw=partial(write_shown, found, file),
+            interrupted=interrupted,
+            advice=_advice(file, frame.output) if interrupted and frame.output is not None else (),
+        )
+
+    pictures, before = "fisherpoint.design.pictures", "a design was found"
+    return frame.run(Task(problem=problem, files=files, plan=plan, pictures=pictures, compute=compute, before=before))
+
+
+def _write(found: fp.Design, directory: Path, report: Callable[[], str]) -> list[str]:
+    from fisherpoint.basics.files import write_whole
+
+    found.save(directory)
+    write_whole(directory / "report.txt", report())
+    return ["design.csv", "design.json", "report.txt"]
+
+
+def _advice(file: Path, output: Path) -> list[str]:
+    return [f"For pictures: {shell_line('fisherpoint', 'evaluate', file, output / 'design.csv', '-o', output / 'evaluated')}"]
 
 
 def _with_over(settings: dict[str, Any], over: Over | None) -> dict[str, Any]:

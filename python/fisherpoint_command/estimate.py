@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import fisherpoint as fp
 
+from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Check, Force, Noise, NoPlots, Output, Quiet, Threads
+from .options import Noise, Output, framed
 from .standard_input import from_standard_input, one_from_standard_input
+
+if TYPE_CHECKING:
+    from .drawing import Drawers
+    from .dry_run import Row
 
 STARTS, ITERATIONS = 8, 20
 """Starts of an estimate by default, and about how many iterations each takes."""
 
 
+@framed(Output)
 def estimate(
+    frame: Frame,
     file: Annotated[
         Path, typer.Argument(metavar="FILE.toml", callback=one_from_standard_input, help="Model, prior and sensor noise.")
     ],
@@ -32,7 +40,6 @@ def estimate(
             "column t, a record, with columns x0_<state> for known starts.",
         ),
     ],
-    output: Output = None,
     noise: Annotated[
         Noise | None, typer.Option(help="Known: \\[noise_std]; estimated: from the residuals. Default: known if the file has it.")
     ] = None,
@@ -43,11 +50,6 @@ def estimate(
         ),
     ] = False,
     profiles: Annotated[bool, typer.Option("--profiles", help="Also compute confidence intervals by profile likelihood.")] = False,
-    threads: Threads = None,
-    check: Check = False,
-    no_plots: NoPlots = False,
-    force: Force = False,
-    quiet: Quiet = False,
 ) -> int:
     """Estimate the parameters from measured data, and report how good the fit is.
 
@@ -55,20 +57,16 @@ def estimate(
     """
     with importing():
         import numpy as np
-        import rich.progress  # noqa: F401  for the bar
 
         import fisherpoint.estimation.estimate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.estimation.plots import plots_of
 
-        from .drawing import drawers
-        from .dry_run import about, show_plan
+        from .dry_run import about
         from .heartbeat import alive
-        from .results import free_directory, make_directory, needed, remove_old
-        from .terminal import as_file, read_config, read_data, say, show
+        from .terminal import read_config, read_data
         from .written import write_shown
-    needed(output, check)
     config = read_config(file)
     problem = config.problem()
     if noise is Noise.known and problem.noise_std is None:
@@ -77,58 +75,43 @@ def estimate(
     for path in (path for k, path in enumerate(data) if path.resolve() in [other.resolve() for other in data[:k]]):
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     parts = [read_data(path, "measurements", _read, problem.model) for path in data]
-    noise_std = problem.noise_std if known else None
-    old = free_directory(output, force)
-    if check:
-        rows = [(str(path), repr(part)) for path, part in zip(data, parts, strict=True)]
-        rows.append(("noise in the fit", "as given" if known else "estimated from the residuals"))
-        rows.append(("prior in the fit", "as a start alone" if no_prior else "as information"))
+
+    def plan() -> list[Row]:
         size = sum(1 if isinstance(part, fp.Record) else int(np.isfinite(part.samples).any(axis=-1).sum()) for part in parts)
-        return show_plan(problem, [file, *data], [*rows, about(size * STARTS * ITERATIONS, f"{STARTS} starts")], output)
-    assert output is not None
-    with drawers(None if no_plots else "fisherpoint.estimation.pictures") as drawing:
-        fit = _estimate(problem, parts, no_prior, known, noise_std, threads, progress=not quiet)
+        return [
+            *((str(path), repr(part)) for path, part in zip(data, parts, strict=True)),
+            ("noise in the fit", "as given" if known else "estimated from the residuals"),
+            ("prior in the fit", "as a start alone" if no_prior else "as information"),
+            about(size * STARTS * ITERATIONS, f"{STARTS} starts"),
+        ]
+
+    def compute(_: Drawers) -> Outcome:
+        fit = fp.estimate(
+            problem.model,
+            parts,
+            None if no_prior else problem.prior,
+            start=problem.prior if no_prior else None,
+            parameters=problem.parameters,
+            noise_std=problem.noise_std if known else None,
+            # Noise that is estimated has what is drawn anew in it.
+            deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
+            threads=frame.threads,
+            progress=not frame.quiet,
+        )
         with alive("computing profiles") if profiles else nullcontext():
-            found = [fit.profile(name, threads=threads) for name in fit.parameters] if profiles else []
+            found = [fit.profile(name, threads=frame.threads) for name in fit.parameters] if profiles else []
         report = fit.report(profiles=found)
-        make_directory(output, old)
-        written = [path.name for path in fit.save(output)]
-        write_whole(output / "report.txt", as_file(report))
-        written.append("report.txt")
-        written += write_shown(fit, output, drawing, file, plots_of(fit, found), report)
-    if not quiet:
-        show(report)
-        print()
-        say(f"Written to {output}: {', '.join(written)}")
-    remove_old(output, old, written, quiet)
-    return 0
 
+        def write(directory: Path, text: Callable[[], str]) -> list[str]:
+            written = [path.name for path in fit.save(directory)]
+            write_whole(directory / "report.txt", text())
+            return [*written, "report.txt"]
 
-def _estimate(
-    problem: fp.DesignProblem,
-    parts: list[Any],
-    no_prior: bool,
-    known: bool,
-    noise_std: Mapping[str, float] | None,
-    threads: int | None,
-    progress: bool,
-) -> fp.Fit:
-    return fp.estimate(
-        problem.model,
-        parts,
-        None if no_prior else problem.prior,
-        start=problem.prior if no_prior else None,
-        parameters=problem.parameters,
-        noise_std=noise_std,
-        uncertain=problem.uncertain,
-        # Noise that is estimated has what is drawn anew in it.
-        varies=problem.varies if known else None,
-        initial_state_std=problem.initial_state_std if known else None,
-        shared=problem.shared_starts if known else (),
-        assumed_rule=problem.assumed_rule,
-        threads=threads,
-        progress=progress,
-    )
+        draw = partial(write_shown, fit, file, plots=plots_of(fit, found), report=report)
+        return Outcome(report=lambda: report, write=write, draw=draw)
+
+    pictures = "fisherpoint.estimation.pictures"
+    return frame.run(Task(problem=problem, files=[file, *data], plan=plan, pictures=pictures, compute=compute))
 
 
 def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:

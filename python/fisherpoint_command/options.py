@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from .frame import Frame
+from .importing import importing
 from .standard_input import from_standard_input, one_from_standard_input
 
 Output = Annotated[
@@ -56,3 +60,38 @@ class Noise(StrEnum):
 
     known = "known"
     estimated = "estimated"
+
+
+def framed(output: Any, *, force: bool = True) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Make a command of a function that takes a `Frame` first, and whose own arguments follow.
+
+    The options of the frame come with it: `output`, of this type, behind what is needed, and the others at the end, without `force`
+    where no result is ever replaced.
+    """
+    behind = {"threads": (Threads, None), "check": (Check, False), "no_plots": (NoPlots, False)}
+    behind |= ({"force": (Force, False)} if force else {}) | {"quiet": (Quiet, False)}
+
+    def command_of(function: Callable[..., int]) -> Callable[..., int]:
+        _, *own = signature(function, eval_str=True).parameters.values()
+        keyword = Parameter.KEYWORD_ONLY
+        needed = [one.replace(kind=keyword) for one in own if one.default is Parameter.empty]
+        others = [one.replace(kind=keyword) for one in own if one.default is not Parameter.empty]
+        further = [Parameter(name, keyword, default=default, annotation=of) for name, (of, default) in behind.items()]
+        first = Parameter("output", keyword, default=None, annotation=output)
+
+        def command(**given: Any) -> int:
+            with importing():
+                import rich.progress  # noqa: F401  for the bar
+
+                from .results import check_output
+            frame = Frame(**{name: given.pop(name) for name in ("output", *behind)})
+            if output is Output:
+                check_output(frame.output, frame.check)
+            return function(frame, **given)
+
+        command.__signature__ = Signature([*needed, first, *others, *further])  # type: ignore[attr-defined]
+        command.__name__, command.__doc__ = function.__name__, function.__doc__
+        command.__annotations__ = {}
+        return command
+
+    return command_of

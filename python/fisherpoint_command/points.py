@@ -2,86 +2,104 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
 
+from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Check, File, Force, NoPlots, OutputIfAny, Points, Quiet, Threads
+from .options import Check, File, OutputIfAny, Points, Quiet, Threads, framed
+
+if TYPE_CHECKING:
+    from fisherpoint.show.section import Report
+    from fisherpoint.show.shown import Plots
+
+    from .drawing import Drawers
+    from .dry_run import Row
 
 
-def evaluate(
-    file: File,
-    points: Points,
-    output: OutputIfAny = None,
-    threads: Threads = None,
-    check: Check = False,
-    no_plots: NoPlots = False,
-    force: Force = False,
-    quiet: Quiet = False,
-) -> int:
+@framed(OutputIfAny)
+def evaluate(frame: Frame, file: File, points: Points) -> int:
     """Report what given experiment points are worth: standard errors, correlation, what they do not determine.
 
     With -o, writes parameters.csv, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
     with importing():
-        from fisherpoint.basics.files import write_together
         from fisherpoint.design.evaluated import evaluate_points
         from fisherpoint.design.plots import PICTURES, plots_of
         from fisherpoint.design.report import evaluation_report
-        from fisherpoint.information.problem_report import problem_sections
+        from fisherpoint.design.runs import run_plots
         from fisherpoint.points.outside import few, outside
         from fisherpoint.points.runs import as_runs
 
-        from .drawing import drawers
-        from .dry_run import about, points_row, show_plan, size_of
+        from .dry_run import about, points_row, size_of
         from .heartbeat import alive
-        from .results import free_directory, make_directory, remove_old
-        from .runs import RUN_PICTURES, evaluate_runs, read_points
-        from .terminal import as_file, read_config, read_data, say, show
-        from .written import PAGE, write_page
+        from .runs import RUN_PICTURES, read_points
+        from .terminal import read_config, read_data
     config = read_config(file)
     problem = config.problem()
     experiments = read_data(points, "points", read_points, problem.model)
-    old = free_directory(output, force)
-    if check:
-        nodes = problem.rule.size(problem.prior)
-        trajectories = about(size_of(experiments) * (2 + nodes), f"{nodes} nodes of the prior, and the mean")
-        return show_plan(problem, [file, points], [points_row("points", experiments), trajectories], output)
-    if output:
+    runs = as_runs(experiments)
+    if frame.output and not frame.check:
         with importing(), needed_for("tables and pictures"):
             from fisherpoint.design.frames import parameter_frame
-    runs = as_runs(experiments)
-    pictures = RUN_PICTURES if experiments is runs else "fisherpoint.design.pictures"
-    with drawers(None if output is None or no_plots else pictures) as drawing:
+
+    def plan() -> list[Row]:
+        nodes = problem.rule.size(problem.prior)
+        trajectories = about(size_of(experiments) * (2 + nodes), f"{nodes} nodes of the prior, and the mean")
+        return [points_row("points", experiments), trajectories]
+
+    def compute_points(_: Drawers) -> Outcome:
         with alive("evaluating"):
-            if experiments is runs:
-                evaluation = fp.evaluate_design(problem, runs, threads=threads)
-                report = evaluation.report()
-                if places := list(outside(problem.model, problem.region, runs)):
-                    report = replace(report, warnings=[*report.warnings, f"Outside of the region: {few(places, 10)}."])
-            else:
-                evaluated = evaluate_points(problem, runs.starts, threads)
-                report = evaluation_report(evaluated)
-        if not quiet:
-            show(report)
-        if output:
-            make_directory(output, old)
-            if experiments is runs:
-                return evaluate_runs(problem, runs, evaluation, report, file, output, old, drawing, quiet)
-            table = parameter_frame(problem, evaluated.under_noise).to_csv()
-            write_together(output, {"parameters.csv": table, "report.txt": as_file(report)}, stale=[PAGE, *PICTURES[1:]])
-            written = write_page(report, problem_sections(problem), output, drawing, plots_of(evaluated), file)
-            if not quiet:
-                print()
-                say(f"Written to {output}: {', '.join(['parameters.csv', 'report.txt', *written])}")
-            remove_old(output, old, ["report.txt", *written], quiet)
-    return 0
+            evaluated = evaluate_points(problem, runs.starts, frame.threads)
+            report = evaluation_report(evaluated)
+
+        def table() -> str:
+            return parameter_frame(problem, evaluated.under_noise).to_csv()
+
+        return _outcome(problem, file, report, table, plots_of(evaluated), PICTURES[1:])
+
+    def compute_runs(_: Drawers) -> Outcome:
+        with alive("evaluating"):
+            evaluation = fp.evaluate_design(problem, runs, threads=frame.threads)
+            report = evaluation.report()
+            if places := list(outside(problem.model, problem.region, runs)):
+                report = replace(report, warnings=[*report.warnings, f"Outside of the region: {few(places, 10)}."])
+        plots = run_plots.plots_of(problem, runs, evaluation)
+        return _outcome(problem, file, report, lambda: evaluation.to_pandas().to_csv(), plots, run_plots.PICTURES)
+
+    of_runs = experiments is runs
+    return frame.run(
+        Task(
+            problem=problem,
+            files=[file, points],
+            plan=plan,
+            pictures=RUN_PICTURES if of_runs else "fisherpoint.design.pictures",
+            compute=compute_runs if of_runs else compute_points,
+        )
+    )
+
+
+def _outcome(
+    problem: fp.DesignProblem, file: Path, report: Report, table: Callable[[], str], plots: Plots, pictures: Sequence[str]
+) -> Outcome:
+    """What came of an evaluation; `pictures` are the names of all that there may be."""
+    from fisherpoint.information.problem_report import problem_sections
+
+    from .written import write_page, write_tables
+
+    return Outcome(
+        report=lambda: report,
+        write=partial(write_tables, {"parameters.csv": table}, pictures),
+        draw=partial(write_page, report, problem_sections(problem), plots, file),
+    )
 
 
 def simulate(

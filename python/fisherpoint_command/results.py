@@ -27,7 +27,7 @@ SHOWN = dict.fromkeys(
 """What is made of a result for people."""
 
 
-def needed(output: Path | None, check: bool) -> None:
+def check_output(output: Path | None, check: bool) -> None:
     """Raise where there is no directory for a result, unless nothing is to be written."""
     if output is None and not check:
         raise ConfigError("--output: missing; expected a directory for what is written, as -o run/")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,90 +11,47 @@ import numpy as np
 
 import fisherpoint as fp
 from fisherpoint.basics.csv_table import CsvTable, csv_text
-from fisherpoint.basics.files import write_together, write_whole
+from fisherpoint.basics.files import write_whole
 from fisherpoint.design.configuration import Config
-from fisherpoint.design.runs.run_plots import PICTURES, plots_of
-from fisherpoint.information.problem_report import problem_sections
 from fisherpoint.points.run_files import RUN, SEGMENT
-from fisherpoint.show.section import Report
 
-from .drawing import Drawers, drawers
-from .dry_run import run_rows, show_plan
-from .exits import INTERRUPTED, complain
-from .results import free_directory, make_directory, remove_old
-from .terminal import as_file, say, show
-from .written import PAGE, write_page, write_shown
+from .drawing import Drawers
+from .dry_run import run_rows
+from .frame import Frame, Outcome, Task
+from .terminal import named_files, read_data, warn_of_outside
+from .written import write_shown
 
 RUN_PICTURES = "fisherpoint.design.runs.run_pictures"
 """The module of pictures of runs."""
 
 
-def design_of_runs(
-    config: Config,
-    settings: dict[str, Any],
-    file: Path,
-    output: Path | None,
-    size: int | None,
-    seed: int | None,
-    threads: int | None,
-    check: bool,
-    no_plots: bool,
-    force: bool,
-    quiet: bool,
-) -> int:
+def design_of_runs(frame: Frame, config: Config, settings: dict[str, Any], file: Path) -> int:
     """Search for runs; write design.csv, plan.csv, design.json, report.txt, pictures and report.html."""
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, which runs are designed for")
-    for name, value in (("n_runs", size), ("seed", seed)):
-        if value is not None:
-            settings[name] = value
-    old = [] if output is None else free_directory(output, force)
-    if check:
-        return show_plan(problem, [file], run_rows(problem, settings), output)
-    assert output is not None
-    with drawers(None if no_plots else RUN_PICTURES) as drawing:
-        try:
-            found = fp.design_runs(problem, **settings, threads=threads, progress=not quiet)
-        except KeyboardInterrupt:
-            complain("interrupted before a first start was followed; nothing was saved")
-            return INTERRUPTED
-        make_directory(output, old)
-        found.save(output)
-        report = found.report()
-        write_whole(output / "report.txt", as_file(report))
-        interrupted = found.stop_reason == fp.StopReason.interrupted
-        shown = write_shown(found, output, drawing.unless(interrupted), file)
-    written = ["design.csv", "plan.csv", "design.json", "report.txt", *shown]
-    if not quiet:
-        show(report)
-        print()
-        say(f"Written to {output}: {', '.join(written)}")
-    remove_old(output, old, written, quiet)
-    return INTERRUPTED if interrupted else 0
 
+    def compute(_: Drawers) -> Outcome:
+        found = fp.design_runs(problem, **settings, threads=frame.threads, progress=not frame.quiet)
 
-def evaluate_runs(
-    problem: fp.DesignProblem,
-    runs: fp.Runs,
-    evaluation: fp.Evaluation,
-    report: Report,
-    file: Path,
-    output: Path,
-    old: Collection[str],
-    drawing: Drawers,
-    quiet: bool,
-) -> int:
-    """Write what given runs are worth: report.txt, parameters.csv, pictures and report.html."""
-    tables = {"parameters.csv": evaluation.to_pandas().to_csv(), "report.txt": as_file(report)}
-    write_together(output, tables, stale=[PAGE, *PICTURES])
-    plots = plots_of(problem, runs, evaluation)
-    written = ["report.txt", *write_page(report, problem_sections(problem), output, drawing, plots, file)]
-    if not quiet:
-        print()
-        say(f"Written to {output}: {', '.join(['parameters.csv', *written])}")
-    remove_old(output, old, written, quiet)
-    return 0
+        def write(directory: Path, report: Callable[[], str]) -> list[str]:
+            found.save(directory)
+            write_whole(directory / "report.txt", report())
+            return ["design.csv", "plan.csv", "design.json", "report.txt"]
+
+        draw, interrupted = partial(write_shown, found, file), found.stop_reason == fp.StopReason.interrupted
+        return Outcome(report=found.report, write=write, draw=draw, interrupted=interrupted)
+
+    return frame.run(
+        Task(
+            problem=problem,
+            files=[file],
+            plan=lambda: run_rows(problem, settings),
+            pictures=RUN_PICTURES,
+            compute=compute,
+            before="a first start was followed",
+        )
+    )
 
 
 def run_report(runs: fp.Runs, done: fp.Trajectories) -> str:
@@ -121,6 +79,14 @@ def read_previous(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.
     if any(name.startswith("y_") for name in CsvTable(path).names):
         return fp.Measurements.from_csv(path, model)
     return read_points(path, model)
+
+
+def read_designs(paths: list[Path], problem: fp.DesignProblem) -> dict[str, fp.Experiments | fp.Runs]:
+    """Points or runs of files by the shortest names that distinguish these; a warning names points outside of the region."""
+    points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(paths).items()}
+    for path, given in zip(paths, points.values(), strict=True):
+        warn_of_outside(problem, path, given)
+    return points
 
 
 def read_points(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs:

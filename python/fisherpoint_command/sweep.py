@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import fisherpoint as fp
 
-from .exits import INTERRUPTED, complain
+from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Check, Force, NoPlots, Output, Previous, Quiet, Seed, Threads
+from .options import Output, Previous, Seed, framed
 from .standard_input import one_from_standard_input
+
+if TYPE_CHECKING:
+    from .drawing import Drawers
+    from .dry_run import Row
 
 MOST_SIZES = 1000
 """Most sizes of one sweep."""
 
 
+@framed(Output)
 def sweep(
+    frame: Frame,
     file: Annotated[
         Path,
         typer.Argument(
@@ -27,17 +34,11 @@ def sweep(
         ),
     ],
     sizes: Annotated[str, typer.Option("-L", "--sizes", metavar="SIZES", help="Points of the designs, as 9:30 or 6,9,12.")],
-    output: Output = None,
     budget: Annotated[
         float | None, typer.Option(metavar="COST", help="What a design may cost, by the file's table of costs.")
     ] = None,
     previous: Previous = None,
     seed: Seed = None,
-    threads: Threads = None,
-    check: Check = False,
-    no_plots: NoPlots = False,
-    force: Force = False,
-    quiet: Quiet = False,
 ) -> int:
     """Find designs of several sizes, and report what more experiments add, and cost.
 
@@ -45,7 +46,6 @@ def sweep(
     or of the first one the best design so far.
     """
     with importing():
-        import rich.progress  # noqa: F401  for the bar
         import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
 
         import fisherpoint.design.sweep  # noqa: F401  with all that it imports
@@ -53,13 +53,10 @@ def sweep(
         from fisherpoint.design.configuration import ConfigError
         from fisherpoint.points.experiments import points_csv
 
-        from .drawing import drawers
-        from .dry_run import search_rows, settings_of, show_plan
-        from .results import free_directory, make_directory, needed, remove_old
+        from .dry_run import search_rows, settings_of
         from .runs import read_previous
-        from .terminal import as_file, read_config, read_data, say, show
+        from .terminal import read_config, read_data
         from .written import PAGE, write_shown
-    needed(output, check)
     config = read_config(file)
     if config.region is None or config.runs is not None:
         raise config.error("region", "expected bounds of every state, every input and dt, without a table [runs]")
@@ -78,39 +75,48 @@ def sweep(
         raise ConfigError(f"--sizes: expected whole numbers, at most {MOST_SIZES} of them, as 9:30 or 6,9,12; given {sizes}")
     earlier = [read_data(path, "points or measurements", read_previous, problem.model) for path in previous or []]
     planned = settings_of(problem, settings | {"n_experiments": counts[-1]})
-    old = free_directory(output, force)
-    if check:
+
+    def plan() -> list[Row]:
         *_, method, (_, each) = search_rows(problem, planned)
-        rows = [("sizes", f"{len(counts)}, from {counts[0]} to {counts[-1]} points"), method, ("trajectories of a size", each)]
-        return show_plan(problem, [file, *(previous or [])], rows, output)
-    assert output is not None
-    with drawers(None if no_plots else "fisherpoint.design.sweep_picture") as drawing:
-        try:
-            found = fp.sweep(problem, counts, cost=cost, threads=threads, progress=not quiet, previous=earlier or None, **settings)
-        except KeyboardInterrupt:
-            complain("interrupted before there was a design; nothing was saved")
-            return INTERRUPTED
-        make_directory(output, old)
-        report = found.report()
+        return [("sizes", f"{len(counts)}, from {counts[0]} to {counts[-1]} points"), method, ("trajectories of a size", each)]
+
+    def compute(_: Drawers) -> Outcome:
+        given: dict[str, Any] = {"cost": cost, "previous": earlier or None, **settings}
+        found = fp.sweep(problem, counts, **given, threads=frame.threads, progress=not frame.quiet)
         tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}
-        contents = {"sweep.csv": found.to_pandas().to_csv(), **tables, "report.txt": as_file(report)}
-        stale = [path.name for path in output.glob("design_*.csv") if path.name not in tables]
-        write_together(output, contents, stale=["sweep.png", PAGE, "sweep.json", *stale])
-        found.save(output / "sweep.json")
-        interrupted = found.stop_reason in (fp.StopReason.interrupted, fp.StopReason.interrupted_first)
-        shown = write_shown(found, output, drawing.unless(interrupted), file)
-    tables_told = f"design_<size>.csv of {len(tables)} sizes"
-    written = ["sweep.csv", "sweep.json", "report.txt", *shown]
-    if not quiet:
-        show(report)
-        print()
-        if budget is not None:
-            size = found.within(budget)
-            enough = f"the design of {size} points has the most information" if size else "none of these sizes is enough"
-            say(f"Within a budget of {budget:g}: {enough}.")
-        say(f"Written to {output}: {', '.join([*written, tables_told])}")
-    remove_old(output, old, written, quiet)
-    return INTERRUPTED if interrupted else 0
+
+        def write(directory: Path, report: Callable[[], str]) -> list[str]:
+            contents = {"sweep.csv": found.to_pandas().to_csv(), **tables, "report.txt": report()}
+            stale = [path.name for path in directory.glob("design_*.csv") if path.name not in tables]
+            write_together(directory, contents, stale=["sweep.png", PAGE, "sweep.json", *stale])
+            found.save(directory / "sweep.json")
+            return ["sweep.csv", "sweep.json", "report.txt"]
+
+        return Outcome(
+            report=found.report,
+            write=write,
+            draw=partial(write_shown, found, file),
+            interrupted=found.stop_reason in (fp.StopReason.interrupted, fp.StopReason.interrupted_first),
+            further=[f"design_<size>.csv of {len(tables)} sizes"],
+            notes=[] if budget is None else [_within(found, budget)],
+        )
+
+    return frame.run(
+        Task(
+            problem=problem,
+            files=[file, *(previous or [])],
+            plan=plan,
+            pictures="fisherpoint.design.sweep_picture",
+            compute=compute,
+            before="there was a design",
+        )
+    )
+
+
+def _within(found: fp.Sweep, budget: float) -> str:
+    size = found.within(budget)
+    enough = f"the design of {size} points has the most information" if size else "none of these sizes is enough"
+    return f"Within a budget of {budget:g}: {enough}."
 
 
 def _sizes(text: str) -> list[int] | None:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import fisherpoint as fp
 
-from .exits import INTERRUPTED
+from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Check, Designs, Force, Noise, NoPlots, Output, Quiet, Threads
+from .options import Designs, Noise, Output, framed
 from .standard_input import one_from_standard_input
+
+if TYPE_CHECKING:
+    from .drawing import Drawers
+    from .dry_run import Row
 
 ITERATIONS = 8
 """About how many iterations a fit takes."""
@@ -26,12 +31,13 @@ class Truth(StrEnum):
     mean = "mean"
 
 
+@framed(Output)
 def validate(
+    frame: Frame,
     file: Annotated[
         Path, typer.Argument(metavar="FILE.toml", callback=one_from_standard_input, help="Model, prior and sensor noise.")
     ],
     designs: Designs,
-    output: Output = None,
     runs: Annotated[
         int, typer.Option("-n", "--runs", min=1, max=10**6, metavar="N", help="Virtual experiments with each design.")
     ] = 1000,
@@ -39,11 +45,6 @@ def validate(
     noise: Annotated[Noise, typer.Option(help="Whether the fits know \\[noise_std] or estimate it.")] = Noise.known,
     use_prior: Annotated[bool, typer.Option("--use-prior", help="Use the prior in the fits and in the promise.")] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
-    threads: Threads = None,
-    check: Check = False,
-    no_plots: NoPlots = False,
-    force: Force = False,
-    quiet: Quiet = False,
 ) -> int:
     """Measure designs virtually many times, fit each time, and report whether the designs keep their promises.
 
@@ -51,35 +52,27 @@ def validate(
     and keeps what was found by then.
     """
     with importing():
-        import rich.progress  # noqa: F401  for the bar
-
         import fisherpoint.validation.validate  # noqa: F401  with all that it imports
-        from fisherpoint.basics.files import write_together
 
-        from .drawing import drawers
-        from .dry_run import about, points_row, show_plan, size_of
-        from .results import free_directory, make_directory, needed, remove_old
-        from .runs import read_points
-        from .terminal import as_file, named_files, read_config, read_data, say, show, warn_of_outside
-        from .written import PAGE, write_shown
-    needed(output, check)
+        from .dry_run import about, points_row, size_of
+        from .runs import read_designs
+        from .terminal import read_config
+        from .written import write_shown, write_tables
     config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:
         raise config.error("noise_std", "missing; expected the noise of every output, from which the promise is computed")
-    points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(designs).items()}
-    for path, given in zip(designs, points.values(), strict=True):
-        warn_of_outside(problem, path, given)
-    old = free_directory(output, force)
-    if check:
-        rows = [points_row(name, given) for name, given in points.items()]
-        rows.append(("virtual experiments", f"{runs} of each, seed {seed}, noise {noise.value} to the fits"))
+    points = read_designs(designs, problem)
+
+    def plan() -> list[Row]:
         size = sum(map(size_of, points.values())) * runs
-        return show_plan(
-            problem, [file, *designs], [*rows, about(size * ITERATIONS, f"{ITERATIONS} iterations of each fit")], output
-        )
-    assert output is not None
-    with drawers(None if no_plots else "fisherpoint.validation.pictures") as drawing:
+        return [
+            *(points_row(name, given) for name, given in points.items()),
+            ("virtual experiments", f"{runs} of each, seed {seed}, noise {noise.value} to the fits"),
+            about(size * ITERATIONS, f"{ITERATIONS} iterations of each fit"),
+        ]
+
+    def compute(_: Drawers) -> Outcome:
         found = fp.validate(
             problem,
             points,
@@ -88,16 +81,15 @@ def validate(
             seed=seed,
             noise=noise.value,
             use_prior=use_prior,
-            threads=threads,
-            progress=not quiet,
+            threads=frame.threads,
+            progress=not frame.quiet,
         )
-        make_directory(output, old)
-        contents = {"validation.csv": found.to_pandas().to_csv(), "report.txt": as_file(found.report())}
-        written = [path.name for path in write_together(output, contents, stale=["validation.png", PAGE])]
-        written += write_shown(found, output, drawing.unless(found.interrupted), file)
-    if not quiet:
-        show(found.report())
-        print()
-        say(f"Written to {output}: {', '.join(written)}")
-    remove_old(output, old, written, quiet)
-    return INTERRUPTED if found.interrupted else 0
+        return Outcome(
+            report=found.report,
+            write=partial(write_tables, {"validation.csv": lambda: found.to_pandas().to_csv()}, ["validation.png"]),
+            draw=partial(write_shown, found, file),
+            interrupted=found.interrupted,
+        )
+
+    pictures = "fisherpoint.validation.pictures"
+    return frame.run(Task(problem=problem, files=[file, *designs], plan=plan, pictures=pictures, compute=compute))

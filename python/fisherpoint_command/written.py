@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from fisherpoint.basics.files import read_bytes, write_whole
+from fisherpoint.basics.files import read_bytes, write_together, write_whole
 from fisherpoint.show.page import PagePicture, to_page
 from fisherpoint.show.section import Report, Section
 from fisherpoint.show.shown import Plots, Shown
@@ -21,19 +21,27 @@ PAGE = "report.html"
 
 def write_shown(
     result: Shown,
+    file: Path,
     directory: Path,
     drawing: Drawers,
-    file: Path,
     plots: Plots | None = None,
     report: Report | None = None,
 ) -> list[str]:
     """Write pictures, the result's own or others, as PNG, and after them the page of a result; return their names."""
     report = result._page_report() if report is None else report
-    return write_page(report, result._asked(), directory, drawing, result._plots() if plots is None else plots, file)
+    return write_page(report, result._asked(), result._plots() if plots is None else plots, file, directory, drawing)
+
+
+def write_tables(
+    tables: Mapping[str, Callable[[], str]], stale: Sequence[str], directory: Path, report: Callable[[], str]
+) -> list[str]:
+    """Write tables and the report together; the page and other stale files of a result before go. Return the files' names."""
+    contents = {name: table() for name, table in tables.items()} | {"report.txt": report()}
+    return [path.name for path in write_together(directory, contents, stale=[PAGE, *stale])]
 
 
 def write_page(
-    report: Report, settings: Sequence[Section], directory: Path, drawing: Drawers, plots: Plots, file: Path
+    report: Report, settings: Sequence[Section], plots: Plots, file: Path, directory: Path, drawing: Drawers
 ) -> list[str]:
     """Write pictures, as PNG, and after them a page with the text of the TOML file that was given; return their names.
 

@@ -100,7 +100,7 @@ def design_cases() -> dict[str, Case]:
             time_limit=(1.0, NUMBER, NONE),
             seed=(0, INT),
             threads=threads,
-            progress=(None, NONE, FUNCTION),
+            progress=(None, NONE, FLAG, FUNCTION),
         ),
         "criterion": case(
             fp.criterion,

@@ -11,6 +11,7 @@ import fisherpoint as fp
 from fisherpoint.models.tape.branch import Select
 from fisherpoint.models.tape.graph import Graph, Leaves
 from fisherpoint.models.tape.program import Program
+from fisherpoint.models.tape.programs import Surfaces
 from oracle import Floats
 
 
@@ -40,11 +41,10 @@ def cylinder() -> dict[str, Any]:
     return {
         "rates": rates,
         "output": [q, p_A, p_B, x_v],
-        "surfaces": surfaces,
+        "surfaces": Surfaces(surfaces, sides),
         "states": states,
         "inputs": inputs,
         "parameters": parameters,
-        "sides": sides,
         "constants": constants,
     }
 

@@ -106,7 +106,7 @@ def test_the_first_of_several_limits_is_told_also_of_inputs_that_switch() -> Non
 
 
 def test_limits_are_those_of_the_states_of_every_form_of_a_model(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = swing(along=("x < 1",)).within("0 < a*v")
+    model = swing().within("x < 1").within("0 < a*v")
     assert model.along == ("x < 1", "0 < a*v") and set(model.along) <= set(model.domain)
     assert model != swing() and model == swing().within("x < 1").within("0 < a*v") == pickle.loads(pickle.dumps(model))
     off = model.free_start("x")
@@ -114,7 +114,7 @@ def test_limits_are_those_of_the_states_of_every_form_of_a_model(monkeypatch: py
     assert fp.simulate(off, point, [0.8, 0.0]).status.tolist() == [0]
     assert fp.broken_limits(off, point, [0.8, 0.2]) == fp.broken_limits(pickle.loads(pickle.dumps(off)), point, [0.8, 0.2])
     assert fp.broken_limits(off, point, [0.8, 0.2]) == ("x < 1 at the start",)
-    more = swing(constants={"w": (0.8, "1")}, along=["x < w"]).estimate("w")
+    more = swing(constants={"w": (0.8, "1")}).within("x < w").estimate("w")
     assert fp.broken_limits(more, point, [0.8, 0.8]) == ("x < w at the start",) and more.along == ("x < w",)
     monkeypatch.setattr(symbolic, "compiled_model", lambda model, states, programs, tape: tape)
     assert swing().compile().within("x < 1").compiled and not swing().within("x < 1").compiled

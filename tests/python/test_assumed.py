@@ -233,7 +233,9 @@ def test_estimates_take_either_form() -> None:
     data = fp.Measurements(points, fp.simulate(MODEL, points, THETA, rtol=1e-9).y)
     names, uncertain = ["E_oil"], {"T_1": 6e-4}
     for rule in (None, fp.TensorGrid(3, span=1.5)):
-        fit = fp.estimate(MODEL, data, start=PRIOR.mean, parameters=names, noise_std=NOISE, varies=uncertain, assumed_rule=rule)
+        fit = fp.estimate(
+            MODEL, data, start=PRIOR.mean, parameters=names, noise_std=NOISE, deviations=fp.Deviations(varies=uncertain, rule=rule)
+        )
         share = assumed_covariance(MODEL, points, THETA, varies=uncertain, rtol=1e-9, rule=rule).covariance
         s = fp.sensitivities(MODEL, points, THETA, rtol=1e-9).dy_dtheta[:, :, NAMES.index("E_oil")]
         d = np.diag(np.square(list(NOISE.values()))) + share

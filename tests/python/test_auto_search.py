@@ -303,8 +303,8 @@ def test_an_interrupt_returns_the_best_so_far() -> None:
     seen: list[float] = []
 
     def progress(now: fp.Progress) -> None:
-        seen.append(now.log_det)
-        if now.iteration == 5:
+        seen.append(now.value or 0.0)
+        if now.step == 5:
             os.kill(os.getpid(), signal.SIGINT)
             threading.Event().wait(0.1)
 

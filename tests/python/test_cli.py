@@ -132,7 +132,7 @@ def test_an_interrupted_design_is_saved_and_reported(run: Any, file: Path, tmp_p
     def interrupted(*arguments: Any, progress: Any, **settings: Any) -> Iterator[fp.Design]:
         def stop(now: fp.Progress) -> None:
             assert progress is True
-            if now.iteration == 2:
+            if now.step == 2:
                 raise KeyboardInterrupt
 
         return designs(*arguments, progress=stop, **settings)

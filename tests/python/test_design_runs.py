@@ -276,7 +276,7 @@ def test_a_report_of_runs_has_means_and_says_what_is_known_of_the_best() -> None
 
 
 def test_ctrl_c_keeps_the_best_runs() -> None:
-    def stop(progress: fp.RunProgress) -> None:
+    def stop(progress: fp.Progress) -> None:
         raise KeyboardInterrupt
 
     design = fp.design_runs(slider(mover()), n_starts=4, n_candidates=60, progress=stop)

@@ -122,8 +122,8 @@ def test_angles_have_no_unit_in_equations() -> None:
 
 
 def test_conditions_are_checked_too() -> None:
-    model = fp.SymbolicModel(
-        ["-k*x"], ["x"], {"x": "m"}, {}, {"k": "1/s"}, {"y": "m"}, domain=["x - k"], along=["x < 2"], check_units=False
+    model = fp.SymbolicModel(["-k*x"], ["x"], {"x": "m"}, {}, {"k": "1/s"}, {"y": "m"}, domain=["x - k"], check_units=False).within(
+        "x < 2"
     )
     assert model.mistakes_in_units == ("domain[0]: x in m and -k in 1/s cannot be added",)
 

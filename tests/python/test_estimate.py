@@ -177,7 +177,9 @@ def test_what_is_estimated_is_not_uncertain_too() -> None:
     with pytest.raises(
         ValueError, match=r"^uncertain: expected constants or parameters that are not estimated, given 'a', which is"
     ):
-        fp.estimate(LINE, fp.Measurements(POINTS, line_data()), noise_std={"y": 0.1}, uncertain={"a": 0.1})
+        fp.estimate(
+            LINE, fp.Measurements(POINTS, line_data()), noise_std={"y": 0.1}, deviations=fp.Deviations(uncertain={"a": 0.1})
+        )
 
 
 @pytest.mark.parametrize("use", ["prior", "start"])
@@ -214,7 +216,7 @@ def test_what_is_assumed_is_weighed_where_trajectories_are_ok() -> None:
     assert fp.simulate(tank, points, {"k": 3.0}).status.any()
     prior = fp.GaussianPrior({"k": 3.0}, {"k": 2.0})
     fit, near = (
-        fp.estimate(tank, data, prior, start=start, noise_std={"h": 0.01}, initial_state_std={"h": 0.02})
+        fp.estimate(tank, data, prior, start=start, noise_std={"h": 0.01}, deviations=fp.Deviations(initial_state_std={"h": 0.02}))
         for start in (None, {"k": 0.5})
     )
     assert fit.estimate["k"] == pytest.approx(near.estimate["k"], abs=1e-3 * near.standard_errors["k"])
@@ -261,4 +263,4 @@ def test_what_is_assumed_is_not_for_records(label: str) -> None:
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
     assumed = {"g": 0.1} if label == "varies" else {"x": 0.1}
     with pytest.raises(ValueError, match=f"^{label}: expected measurements of points or runs, given a record"):
-        fp.estimate(decay, record, parameters=["k"], noise_std={"x": 0.1}, **{label: assumed})
+        fp.estimate(decay, record, parameters=["k"], noise_std={"x": 0.1}, deviations=fp.Deviations(**{label: assumed}))

@@ -138,7 +138,7 @@ def test_no_bound_is_below_the_best_of_all_designs(seed: int, count: int, n: int
         for first in (worst, counts[rng.integers(len(counts))]):
             search = BranchAndBound(Relaxation(matrices[order], criterion, n), parts, np.arange(count)[None], first[order], 1e-7)
             whole = Box(np.zeros(count, dtype=np.int64), np.full(count, n))
-            assert search.run(whole, np.inf, 10_000, lambda: False, None) == "proven"
+            assert search.run(whole, np.inf, 10_000, lambda: False, lambda *_: None) == "proven"
             assert best - 1e-6 <= search.value <= best + 1e-9
 
 
@@ -152,7 +152,7 @@ def test_a_bound_is_far_from_a_design_that_is_not_optimal(name: str) -> None:
     box = Box(np.zeros(9, dtype=np.int64), np.full(9, 9))
     true = np.exp(criterion.log_phi(np.tensordot(poor.astype(float), matrices, 1)) - best_of(matrices, criterion, 9))
     search._try = lambda *_: None  # type: ignore[method-assign]  # the design stays
-    assert search.run(box, np.inf, 3, lambda: False, None) == "max_nodes"
+    assert search.run(box, np.inf, 3, lambda: False, lambda *_: None) == "max_nodes"
     assert search.efficiency <= true + 1e-9 < 0.95
 
 
@@ -242,8 +242,10 @@ def test_what_stops_the_search_is_told_with_what_is_proven_until_then() -> None:
     assert fp.exact(QUADRATIC, inputs(GRID), 8, gap=0.1).nodes <= 1
     assert "too many" in str(replace(stopped, stop_reason=fp.StopReason.too_many_candidates))
 
-    def interrupt(progress: fp.ExactProgress) -> None:
-        assert progress.nodes == 1 and 0 < progress.efficiency <= 1 and progress.open >= 1 and progress.seconds > 0
+    def interrupt(progress: fp.Progress) -> None:
+        if progress.step == 0:
+            return
+        assert progress.step == 1 and 0 < (progress.value or 0) <= 1 and progress.seconds > 0 and " open" in progress.message
         raise KeyboardInterrupt
 
     interrupted = fp.exact(QUADRATIC, inputs(GRID), 8, progress=interrupt)

@@ -68,12 +68,11 @@ def test_a_time_limit_bounds_the_whole_call(references: bool) -> None:
 def test_progress_is_called_once_per_iteration() -> None:
     calls: list[fp.Progress] = []
     design = fp.exchange(problem(), **QUICK, progress=calls.append)
-    assert [call.iteration for call in calls] == list(range(1, 13))
-    assert [call.log_det for call in calls] == [record.log_det for record in design.trace[1:]]
-    assert all(call.max_iterations == 12 for call in calls)
-    assert [call.exchanges for call in calls] == list(itertools.accumulate(record.exchanged for record in design.trace[1:]))
-    assert [call.drawn for call in calls] == [record.drawn for record in design.trace[1:]]
-    assert calls[-1].drawn == design.drawn and calls[-1].rejected == sum(design.rejected.values())
+    assert [call.step for call in calls] == list(range(1, 13))
+    assert [call.value for call in calls] == [record.log_det for record in design.trace[1:]]
+    assert all(call.total == 12 for call in calls)
+    assert all(call.message.startswith(f"log det {call.value:.3f}, ") for call in calls[:-1])
+    assert calls[-1].message == "proving how good it is"
     assert all(b.seconds >= a.seconds for a, b in itertools.pairwise(calls))
 
 
@@ -87,7 +86,7 @@ def test_an_error_in_the_callback_is_not_swallowed() -> None:
 
 def test_an_interrupt_returns_the_best_design_so_far() -> None:
     def interrupt(state: fp.Progress) -> None:
-        if state.iteration == 5:
+        if state.step == 5:
             raise KeyboardInterrupt
 
     design = fp.exchange(problem(), **QUICK | {"method": "paper"}, progress=interrupt)

@@ -66,7 +66,9 @@ def test_a_fit_comes_back_from_its_file_and_from_a_pickle(kind: str, tmp_path: P
     fit = {
         "points": lambda: fp.estimate(model, [data[:5], data[5:]], noise_std={"c": 0.2}),
         "bound": lambda: fp.estimate(model, data, bounds={"k": (None, 4e-4)}),
-        "prior": lambda: fp.estimate(model, data, log, noise_std={"c": 0.2}, initial_state_std={"share": 0.01}),
+        "prior": lambda: fp.estimate(
+            model, data, log, noise_std={"c": 0.2}, deviations=fp.Deviations(initial_state_std={"share": 0.01})
+        ),
         "record": tanks_fit,
     }[kind]()
     fit.save(tmp_path)

@@ -180,7 +180,7 @@ def test_local_candidates_come_every_fourth_time_as_many_as_their_share(
         n_candidates=10,
         max_iterations=13,
         method=fp.ExchangeMethod("paper", references=False, local=share),
-        progress=lambda progress: done.append(progress.iteration),
+        progress=lambda progress: done.append(progress.step),
     )
     assert drawn == ([] if each is None else [(iteration, points, each) for iteration in (4, 8, 12)])
 

@@ -282,7 +282,7 @@ def test_estimates_keep_the_promise_and_are_better_than_from_windows_evenly_spre
                 data,
                 start=problem.prior.mean,
                 noise_std=problem.noise_std,
-                initial_state_std=design.problem.initial_state_std,
+                deviations=fp.Deviations(initial_state_std=design.problem.initial_state_std),
             )
             promised = design.evaluation.standard_errors or {}
             off[name].append(np.array([(fit.estimate[k] - mean) / promised[k] for k, mean in problem.prior.mean.items()]))

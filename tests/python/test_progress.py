@@ -1,4 +1,4 @@
-"""Progress: a function that is told, a bar, or nothing; and what says that a work lives."""
+"""Progress: a function that is called, a bar, or nothing."""
 
 from __future__ import annotations
 
@@ -38,6 +38,10 @@ def data() -> fp.Measurements:
     return fp.VirtualRig(MODEL, THETA, {"y": 0.01}).measure(points())
 
 
+def candidates() -> fp.Experiments:
+    return fp.Experiments.join([points(), fp.Experiments([[0.9], [0.7], [0.6]], [[0.0], [0.1], [0.1]], [2.0, 4.0, 1.5])])
+
+
 def runs_problem() -> fp.DesignProblem:
     return problem(region=fp.RunRegion({"h": 1.0, "u": (0.0, 0.1), "dt": 1.0}, segments=3))
 
@@ -67,6 +71,7 @@ WORKS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "estimate the noise": (lambda progress: fp.estimate(MODEL, data(), start=THETA, progress=progress), "estimating"),
     "approximate": (lambda progress: fp.approximate(problem(), n_candidates=50, starts=20, progress=progress), "approximate"),
     "approximate among points": (lambda progress: fp.approximate(problem(), points(), progress=progress), "approximate"),
+    "exact": (lambda progress: fp.exact(problem(), candidates(), 7, goal="A", progress=progress), "nodes"),
     "compare": (lambda progress: fp.compare(problem(), [points(), points()], draws=20, progress=progress), "comparing designs"),
     "Fit.profile": (lambda progress: fit().profile("k", progress=progress), "profile of k"),
     "best_pieces": (lambda progress: fp.best_pieces(problem(), log(), 2, progress=progress), "picking pieces"),
@@ -96,57 +101,58 @@ def test_nothing_is_shown_otherwise(name: str, monkeypatch: pytest.MonkeyPatch, 
     assert shown(monkeypatch, lambda: (work(False), work(None))) == [""]
     monkeypatch.undo()
     work(True)  # where nothing is a terminal
-    told = capsys.readouterr()
-    assert (told.out, told.err) == ("", "")
+    heard = capsys.readouterr()
+    assert (heard.out, heard.err) == ("", "")
 
 
 @pytest.mark.parametrize("name", WORKS)
-def test_a_function_is_told(name: str) -> None:
-    told: list[tuple[Any, ...]] = []
-    WORKS[name][0](lambda *now: told.append(now))
-    assert told and all(now[-1].seconds >= 0 for now in told if hasattr(now[-1], "seconds"))
+def test_a_function_is_called_with_the_same_of_every_work(name: str) -> None:
+    heard: list[fp.Progress] = []
+    WORKS[name][0](heard.append)
+    assert heard and all(type(now) is fp.Progress and isinstance(now.message, str) and now.seconds >= 0 for now in heard)
+    assert len({now.total for now in heard}) == 1 and all(0 <= now.step <= (now.total or now.step) for now in heard)
 
 
 def test_an_estimate_counts_its_evaluations() -> None:
-    told: list[fp.EstimateProgress] = []
-    fit = fp.estimate(MODEL, data(), problem().prior, progress=told.append)
-    evaluations = [now.evaluations for now in told]
+    heard: list[fp.Progress] = []
+    fit = fp.estimate(MODEL, data(), problem().prior, progress=heard.append)
+    evaluations = [now.step for now in heard]
     assert evaluations == sorted(evaluations) and evaluations[-1] >= fit.evaluations
-    assert told[0].searches > 1 and (np.diff([now.seconds for now in told]) >= 0).all()
-    count = len(told)
+    assert heard[0].message.endswith(" starts") and (np.diff([now.seconds for now in heard]) >= 0).all()
+    count = len(heard)
     fit.profile("k")
-    assert len(told) == count  # it is not told of what comes later
+    assert len(heard) == count  # it is not heard of what comes later
     assert fit.estimate == fp.estimate(MODEL, data(), problem().prior).estimate
 
 
-def test_a_comparison_tells_at_which_design_it_is() -> None:
-    told: list[fp.CompareProgress] = []
-    fp.compare(problem(), {"one": points(), "other": points()}, draws=20, progress=told.append)
-    assert [now[:3] for now in told] == [(0, 2, "one"), (1, 2, "other"), (2, 2, "")]
+def test_a_comparison_names_the_design_that_it_is_at() -> None:
+    heard: list[fp.Progress] = []
+    fp.compare(problem(), {"one": points(), "other": points()}, draws=20, progress=heard.append)
+    assert [(now.step, now.total, now.message) for now in heard] == [(0, 2, "one"), (1, 2, "other"), (2, 2, "")]
 
 
 def test_a_profile_counts_its_values() -> None:
-    told: list[fp.ProfileProgress] = []
-    profile = fit().profile("k", progress=told.append)
-    values = [now.values for now in told]
+    heard: list[fp.Progress] = []
+    profile = fit().profile("k", progress=heard.append)
+    values = [now.step for now in heard]
     assert values == sorted(set(values)) and values[-1] >= len(profile.values) - 1  # not at the estimate itself
     assert profile.interval == fit().profile("k").interval
-    drawn: list[fp.ProfileProgress] = []
+    drawn: list[fp.Progress] = []
     fit().plot("profiles", progress=drawn.append)
-    assert (np.diff([now.values for now in drawn]) < 0).sum() == len(fit().parameters) - 1  # each begins anew
+    assert (np.diff([now.step for now in drawn]) < 0).sum() == len(fit().parameters) - 1  # each begins anew
 
 
-def test_pieces_tell_their_exchanges() -> None:
-    told: list[fp.PieceProgress] = []
-    found = fp.best_pieces(problem(), log(), 2, progress=told.append)
-    assert [now.exchanges for now in told] == list(range(found.exchanges + 1))
-    assert told[-1].gap == pytest.approx(found.bound - found.log_det, abs=1e-6)
+def test_pieces_count_their_exchanges() -> None:
+    heard: list[fp.Progress] = []
+    found = fp.best_pieces(problem(), log(), 2, progress=heard.append)
+    assert [now.step for now in heard] == list(range(found.exchanges + 1))
+    assert heard[-1].value == pytest.approx(found.log_det - found.bound, abs=1e-6)
 
 
-def test_an_approximate_design_tells_what_it_does() -> None:
-    told: list[fp.ApproximateProgress] = []
-    found = fp.approximate(problem(), n_candidates=50, starts=20, progress=told.append)
-    assert {now.doing for now in told} == {"searching", "weighing"} and all(now.candidates > 0 for now in told)
+def test_an_approximate_design_says_what_it_does() -> None:
+    heard: list[fp.Progress] = []
+    found = fp.approximate(problem(), n_candidates=50, starts=20, progress=heard.append)
+    assert {now.message.split(",")[0] for now in heard} == {"searching", "weighing"} and all(now.step > 0 for now in heard)
     assert found.value == fp.approximate(problem(), n_candidates=50, starts=20).value
 
 
@@ -165,8 +171,8 @@ def test_a_notebook_without_widgets_has_a_line_of_text(monkeypatch: pytest.Monke
     monkeypatch.setattr("fisherpoint.show.progress.find_spec", lambda name: None)
     design = fp.exchange(problem(), 2, **SEARCH, progress=True)
     assert design.points == fp.exchange(problem(), 2, **SEARCH).points
-    told = capsys.readouterr()
-    assert told.out == "" and told.err.startswith("\riteration ") and told.err.endswith(" \r")
+    heard = capsys.readouterr()
+    assert heard.out == "" and heard.err.startswith("\riteration ") and heard.err.endswith(" \r")
 
 
 class Broken(StringIO):
@@ -204,7 +210,7 @@ def test_what_a_function_raises_is_passed_on() -> None:
 
 @pytest.mark.parametrize("name", WORKS)
 @pytest.mark.parametrize("wrong", [1, "yes", 0.5])
-def test_misuse_is_told(name: str, wrong: Any) -> None:
+def test_misuse_raises(name: str, wrong: Any) -> None:
     given = type(wrong).__name__
     with pytest.raises(TypeError, match=f"progress: expected True, False or a function, given {given}"):
         WORKS[name][0](wrong)

@@ -41,7 +41,9 @@ def dense(data: fp.Measurements, theta: Floats, start: bool, constant: bool) -> 
 def test_a_fit_is_that_of_dense_algebra(start: bool, constant: bool) -> None:
     data = with_gaps(measured(drawn(), initial_state_std=START if start else None))
     uncertain, initial = CONSTANT if constant else None, START if start else None
-    fit = fp.estimate(MODEL, data, noise_std=NOISE, varies=uncertain, initial_state_std=initial, rtol=1e-11)
+    fit = fp.estimate(
+        MODEL, data, noise_std=NOISE, deviations=fp.Deviations(varies=uncertain, initial_state_std=initial), rtol=1e-11
+    )
     assert fit.converged
     parts = list(zip(*dense(data, fit.values, start, constant), strict=True))
     information = sum(j.T @ np.linalg.solve(r_k, j) for _, j, r_k in parts)
@@ -61,7 +63,7 @@ def test_a_fit_is_that_of_dense_algebra(start: bool, constant: bool) -> None:
 def test_an_error_of_each_sample_is_another_one() -> None:
     """What the samples of a run share does not average out."""
     data = measured(drawn(share=1.0))
-    shared = fp.estimate(MODEL, data, noise_std=NOISE, initial_state_std=START)
+    shared = fp.estimate(MODEL, data, noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START))
     runs = data.points
     assert isinstance(runs, fp.Runs)
     _, jacobians, covariances = dense(data, shared.values, True, False)
@@ -114,7 +116,10 @@ def test_runs_points_and_records_together() -> None:
     errors = np.array(list(fit.standard_errors.values()))
     assert np.abs((fit.values - other.values) / errors).max() < 1e-6
     np.testing.assert_allclose(errors, list(other.standard_errors.values()), rtol=1e-6)
-    one, other = (fp.estimate(MODEL, given, noise_std=NOISE, initial_state_std=START) for given in ([points, runs], [runs, points]))
+    one, other = (
+        fp.estimate(MODEL, given, noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START))
+        for given in ([points, runs], [runs, points])
+    )
     np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-6)
     assert one.chi_square == pytest.approx(other.chi_square, rel=1e-6)
 
@@ -122,9 +127,9 @@ def test_runs_points_and_records_together() -> None:
 def test_runs_that_are_the_same_are_simulated_once_and_all_count() -> None:
     runs = drawn(2)
     data = measured(fp.Runs.join([runs, runs, runs]))
-    fit = fp.estimate(MODEL, data, noise_std=NOISE, initial_state_std=START)
+    fit = fp.estimate(MODEL, data, noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START))
     order = [3, 0, 5, 2, 1, 4]
-    other = fp.estimate(MODEL, data[order], noise_std=NOISE, initial_state_std=START)
+    other = fp.estimate(MODEL, data[order], noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START))
     np.testing.assert_allclose(fit.values, other.values, rtol=1e-7)
     assert fit.chi_square == pytest.approx(other.chi_square, rel=1e-6)
 
@@ -141,7 +146,7 @@ def test_a_run_that_stopped_is_fitted_up_to_there() -> None:
 @pytest.mark.parametrize("noise", [None, NOISE])
 def test_files_restore_a_fit(noise: dict[str, float] | None, tmp_path: Path) -> None:
     points = fp.VirtualRig(MODEL, THETA, NOISE, seed=6).measure(drawn(9).starts)
-    given = {"noise_std": noise, "initial_state_std": START if noise else None}
+    given = {"noise_std": noise, "deviations": fp.Deviations(initial_state_std=START if noise else None)}
     fit = fp.estimate(MODEL, [with_gaps(measured(drawn())), points], **given)  # type: ignore[arg-type]
     fit.save(tmp_path)
     again = fp.Fit.load(tmp_path)
@@ -158,7 +163,9 @@ def test_files_restore_a_fit(noise: dict[str, float] | None, tmp_path: Path) -> 
 
 
 def test_pictures_and_reports_know_runs() -> None:
-    fit = fp.estimate(MODEL, measured(drawn(8), initial_state_std=START), noise_std=NOISE, initial_state_std=START)
+    fit = fp.estimate(
+        MODEL, measured(drawn(8), initial_state_std=START), noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START)
+    )
     figure = fit.plot("time")
     assert len(figure.axes) == 12 and "the first 6 of 8" in figure.get_suptitle()
     runs = fit.data[0].points
@@ -172,8 +179,8 @@ def test_pictures_and_reports_know_runs() -> None:
 
 def test_what_runs_cannot_have_is_refused() -> None:
     data = measured(drawn())
-    with pytest.raises(ValueError, match=r"^assumed_rule: expected tangents, None, for runs, given"):
-        fp.estimate(MODEL, data, noise_std=NOISE, initial_state_std=START, assumed_rule=fp.SparseGaussHermite(1))
+    with pytest.raises(ValueError, match=r"^rule: expected tangents, None, for runs, given"):
+        fp.estimate(MODEL, data, noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START, rule=fp.SparseGaussHermite(1)))
     with pytest.raises(ValueError, match=r"^y: expected shape \(K, N, 2\) for the outputs of"):
         fp.estimate(MODEL, fp.Measurements(data.points, data.y[:, :, :1]), noise_std=NOISE)
 

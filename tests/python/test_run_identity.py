@@ -131,7 +131,7 @@ def test_a_run_of_one_segment_is_a_point(kind: str) -> None:
         assert evaluations[0].to_pandas().equals(evaluations[1].to_pandas())
         assert np.array_equal(evaluations[0].output_covariance, evaluations[1].output_covariance)
     fits = [
-        fp.estimate(MODEL, one, prior=prior, noise_std={"y": 0.01}, initial_state_std={"x": 0.02})
+        fp.estimate(MODEL, one, prior=prior, noise_std={"y": 0.01}, deviations=fp.Deviations(initial_state_std={"x": 0.02}))
         for one in (data, fp.Measurements(alone, data.y[:, None]))
     ]
     assert np.array_equal(fits[0].covariance, fits[1].covariance) and fits[0].chi_square == fits[1].chi_square

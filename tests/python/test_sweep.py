@@ -97,8 +97,8 @@ def test_the_method_of_the_paper_has_sizes_too() -> None:
 
 
 def test_an_interrupt_keeps_what_is_done() -> None:
-    def stop(size: int, now: fp.Progress) -> None:
-        if size == 5:
+    def stop(now: fp.Progress) -> None:
+        if now.step == 2:
             raise KeyboardInterrupt
 
     found = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, progress=stop)
@@ -150,7 +150,7 @@ def test_candidates_of_the_next_size_are_chosen_by_the_criterion_at_the_mean(mon
 
 
 def test_an_interrupt_before_the_first_is_done_keeps_the_best_so_far(tmp_path: Path) -> None:
-    def stop(size: int, now: fp.Progress) -> None:
+    def stop(now: fp.Progress) -> None:
         raise KeyboardInterrupt
 
     found = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, progress=stop)
@@ -166,7 +166,7 @@ def test_an_interrupted_command_saves_the_best_so_far(
     search = fp.sweep
 
     def interrupted(*given: Any, progress: Any, **settings: Any) -> fp.Sweep:
-        def stop(size: int, now: fp.Progress) -> None:
+        def stop(now: fp.Progress) -> None:
             raise KeyboardInterrupt
 
         return search(*given, progress=stop, **settings)

@@ -13,7 +13,7 @@ from conftest import random_points
 from defaults import MODEL
 from fisherpoint.models.tape.branch import Select
 from fisherpoint.models.tape.program import Program
-from fisherpoint.models.tape.programs import Programs, build_programs
+from fisherpoint.models.tape.programs import Programs, Surfaces, build_programs
 from oracle import Floats
 from tape_cases import cylinder, written
 
@@ -52,7 +52,7 @@ def by_sympy(expressions: list[sp.Expr], rows: dict[str, Floats]) -> Floats:
     """Values (K, m) through SymPy's own printer."""
     arguments = cylinder()
     known = [expression.subs(arguments["constants"]).rewrite(sp.Piecewise) for expression in expressions]
-    symbols = [*arguments["parameters"], *arguments["inputs"], *arguments["states"], *arguments["sides"]]
+    symbols = [*arguments["parameters"], *arguments["inputs"], *arguments["states"], *arguments["surfaces"].sides]
     columns = np.hstack([rows["theta"], rows["u"], rows["x"], rows["side"]]).T
     values = sp.lambdify(symbols, known, "numpy")(*columns)
     return np.stack([np.broadcast_to(value, len(rows["x"])) for value in values], axis=1)
@@ -126,14 +126,15 @@ def test_a_constant_may_become_a_parameter() -> None:
 def test_a_parameter_reaches_what_switches_by_it() -> None:
     """The time of a switch depends on what the surface reads, and with it the states that f switches."""
     x, y, k, s = sp.symbols("x y k s")
-    rates = {"states": [x, y], "inputs": [], "parameters": [k], "sides": [s]}
-    assert build_programs([Select(s, 1, -1) - x, y], [x, y], [x - k], **rates).output_entries == ((0, 0),)
-    assert build_programs([-x, y + k], [x, y], [x - k], **rates).output_entries == ((1, 1),)
+    rates = {"states": [x, y], "inputs": [], "parameters": [k]}
+    switch = Surfaces([x - k], [s])
+    assert build_programs([Select(s, 1, -1) - x, y], [x, y], switch, **rates).output_entries == ((0, 0),)
+    assert build_programs([-x, y + k], [x, y], switch, **rates).output_entries == ((1, 1),)
 
 
 def test_a_model_may_have_no_state() -> None:
     u, k = sp.symbols("u k")
-    programs = build_programs([], [k * u**2], [], [], [u], [k])
+    programs = build_programs([], [k * u**2], Surfaces(), [], [u], [k])
     assert programs.output_jacobian.evaluate([[3.0]], [[2.0]], np.empty((1, 0)), np.empty((1, 0)), np.empty((1, 0))).tolist() == [
         [12, 4]
     ]
@@ -143,11 +144,12 @@ def test_a_model_may_have_no_state() -> None:
 
 def test_misuse_is_named() -> None:
     x, k, s = sp.symbols("x k s")
-    given = {"rates": [k * x], "output": [x], "surfaces": [x], "states": [x], "inputs": [], "parameters": [k], "sides": [s]}
+    surfaces = Surfaces([x], [s])
+    given = {"rates": [k * x], "output": [x], "surfaces": surfaces, "states": [x], "inputs": [], "parameters": [k]}
     for changes, message in (
         ({"rates": [x, x]}, "rates: expected one for each of 1 states, given 2"),
-        ({"surfaces": []}, "surfaces: expected at least 1"),
-        ({"poles": 1}, "surfaces: expected at least 1 with sides and 1 poles, given 1"),
+        ({"surfaces": Surfaces([], [s])}, "surfaces: expected at least 1"),
+        ({"surfaces": Surfaces([x], [s], poles=1)}, "surfaces: expected at least 1 with sides and 1 poles, given 1"),
         ({"output": [x * s]}, "output: expected no side"),
         ({"parameters": [k, x]}, "symbols: expected each to be one"),
         ({"parameters": sp.symbols("p:65")}, "parameters: expected at most 64, given 65"),

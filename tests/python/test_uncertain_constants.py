@@ -112,7 +112,9 @@ def test_a_start_that_runs_share_is_one_number() -> None:
     anew = fp.evaluate_design(given.replace(region=None), runs).standard_errors
     assert anew is not None and anew["b"] != pytest.approx(errors["b"], rel=0.01)
     y = outputs(runs, **VALUES, c=1.0, s=2.0, off=0.15).reshape(5, 4, 2)
-    fit = fp.estimate(DECAY, fp.Measurements(runs, y), noise_std=NOISE, initial_state_std={"x": 0.2}, shared=["x"])
+    fit = fp.estimate(
+        DECAY, fp.Measurements(runs, y), noise_std=NOISE, deviations=fp.Deviations(initial_state_std={"x": 0.2}, shared=["x"])
+    )
     assert fit.parameters == ("b", "k", "x_0") and fit.estimate["x_0"] == pytest.approx(0.15, rel=0.02)
     assert fit.standard_errors["k"] == pytest.approx(errors["k"], rel=0.05)
 
@@ -135,7 +137,7 @@ def test_a_fit_is_a_maximum_a_posteriori_over_constants(names: list[str]) -> Non
         fp.Measurements(runs, y_runs.reshape(2, 4, 2)),
         fp.Record(t, np.full((9, 1), 0.5), y_record, x0={"x": 1.0}),
     ]
-    fit = fp.estimate(DECAY, data, start=VALUES, noise_std=NOISE, uncertain=std)
+    fit = fp.estimate(DECAY, data, start=VALUES, noise_std=NOISE, deviations=fp.Deviations(uncertain=std))
 
     def residuals(z: Floats) -> Floats:
         given = {"c": 1.0, "s": 2.0} | dict(zip(names, z[2:], strict=True))
@@ -159,7 +161,7 @@ def test_a_fit_is_a_maximum_a_posteriori_over_constants(names: list[str]) -> Non
 def test_a_fit_comes_back_from_its_file(tmp_path: Path) -> None:
     points = drawn(8)
     data = fp.Measurements(points, outputs(points, 1.6, 0.7, 1.05, 2.0))
-    fit = fp.estimate(DECAY, data, PRIOR, noise_std=NOISE, uncertain=STD, varies=None)
+    fit = fp.estimate(DECAY, data, PRIOR, noise_std=NOISE, deviations=fp.Deviations(uncertain=STD, varies=None))
     fit.save(tmp_path)
     again = fp.Fit.load(tmp_path)
     assert str(again) == str(fit) and again.estimate == fit.estimate

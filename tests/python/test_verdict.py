@@ -308,17 +308,17 @@ def test_designs_need_no_names() -> None:
 
 
 def test_results_so_far_survive_an_interrupt() -> None:
-    told: list[fp.ValidationProgress] = []
+    told: list[fp.Progress] = []
 
-    def interrupt(now: fp.ValidationProgress) -> None:
+    def interrupt(now: fp.Progress) -> None:
         told.append(now)
         if len(told) == 2:
             raise KeyboardInterrupt
 
     points = at([-1.0, 0.4, 2.0])
     found = fp.validate(line(), [points, points[:2]], runs=500, progress=interrupt)
-    assert found.interrupted and found.asked == 500 and found.runs == told[1].runs < 500
-    assert [now.n_runs for now in told] == [500, 500] and told[0].runs < told[1].runs
+    assert found.interrupted and found.asked == 500 and found.runs == told[1].step < 500
+    assert [now.total for now in told] == [500, 500] and told[0].step < told[1].step
     assert str(found).startswith(f"Interrupted after {found.runs} of 500 virtual experiments; ")
     for design in found.designs.values():
         assert design.per_run is not None and len(design.per_run.truth) == found.runs
@@ -334,13 +334,13 @@ def test_ctrl_c_finds_something_however_long_a_fit_takes() -> None:
     """The first part is one virtual experiment; it was 25, of which nothing was kept before all were done."""
     told = []
 
-    def interrupt(now: fp.ValidationProgress) -> None:
+    def interrupt(now: fp.Progress) -> None:
         told.append(now)
         raise KeyboardInterrupt
 
     points = at([-1.0, 0.4, 2.0])
     found = fp.validate(line(), points, runs=500, progress=interrupt)
-    assert found.interrupted and found.runs == told[0].runs == 1
+    assert found.interrupted and found.runs == told[0].step == 1
     assert str(found).startswith("Interrupted after 1 of 500 virtual experiments; ")
 
 
@@ -400,7 +400,7 @@ def test_an_interrupted_command_keeps_what_it_has(
     whole = fp.validate
 
     def interrupted(*given: Any, progress: Any, **settings: Any) -> fp.Validation:
-        def stop(now: fp.ValidationProgress) -> None:
+        def stop(now: fp.Progress) -> None:
             raise KeyboardInterrupt
 
         return whole(*given, progress=stop, **settings)

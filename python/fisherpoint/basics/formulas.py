@@ -12,14 +12,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
+from .functions import FUNCTIONS
 from .messages import listed, shown
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 60
 """How deep the terms of a formula may be nested; a long sum or product is not deep."""
 
-_OF_ONE = ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "sign", "abs", "heaviside")
-ARGUMENTS = dict.fromkeys(_OF_ONE, (1, 1)) | {"atan2": (2, 2), "min": (2, 32), "max": (2, 32), "where": (3, 3)}
+ARGUMENTS = {function.name: (1, 1) for function in FUNCTIONS} | {"atan2": (2, 2), "min": (2, 32), "max": (2, 32), "where": (3, 3)}
 """The functions that a formula may use, each with the least and the largest number of its arguments."""
 
 _SUMS_AND_PRODUCTS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}

@@ -15,8 +15,8 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from .messages import LISTED, SHOWN, listed, printable, shortened
 from .quantity import LONGEST_NAME
 
-KeysOf = Callable[[tuple[str, ...]], Iterable[str]]
-"""From the place of a table to the keys that it may have."""
+OfKey = Callable[[tuple[str, ...]], str]
+"""From the place of a key that its table does not have to a message."""
 
 
 MOST_LINES = 50
@@ -67,7 +67,7 @@ _MISSING = {
 }
 
 
-def describe(error: ValidationError, keys_of: KeysOf) -> list[str]:
+def describe(error: ValidationError, of_key: OfKey) -> list[str]:
     """The problems of `error`, one line for each."""
     lines: list[str] = []
     problems = error.errors(include_url=False)[: 2 * MOST_LINES]
@@ -80,7 +80,7 @@ def describe(error: ValidationError, keys_of: KeysOf) -> list[str]:
         elif problem["type"] == "key" or not (
             place in places[:k] or any(place == below[: len(place)] for below in places if below > place)
         ):
-            lines.append(" ".join(_describe(problem, keys_of).split()))
+            lines.append(" ".join(_describe(problem, of_key).split()))
     return lines
 
 
@@ -96,7 +96,7 @@ def _is_misspelt(problem: ErrorDetails, problems: list[ErrorDetails]) -> bool:
     return bool(extra) and (alone or bool(get_close_matches(str(name), extra, n=1)))
 
 
-def _describe(problem: ErrorDetails, keys_of: KeysOf) -> str:
+def _describe(problem: ErrorDetails, of_key: OfKey) -> str:
     kind, place = problem["type"], _place(problem)
     key = shortened(".".join(part if _BARE.fullmatch(part) else f'"{part}"' for part in place), 2 * SHOWN)
     if kind == "key":
@@ -106,7 +106,7 @@ def _describe(problem: ErrorDetails, keys_of: KeysOf) -> str:
     if kind == "missing":
         return f"{key}: missing; expected {_MISSING.get(key, 'a value')}"
     if kind == "extra_forbidden":
-        return unknown_key(".".join(place[:-1]), place[-1], keys_of(place[:-1]))
+        return of_key(place)
     expected = expected_by(kind, problem)
     if key.startswith("rule.levels") and kind in ("int_type", "dict_type"):
         expected = "a whole number, or one for each parameter by name"
@@ -143,9 +143,10 @@ def fail(text: str) -> NoReturn:
     raise PydanticCustomError("key", "{text}", {"text": text})
 
 
-def unknown_key(table: str, name: str, expected: Iterable[str]) -> str:
-    """A key that its table does not have, the keys that it has, and the closest of them."""
-    return f"unknown key {shortened(f'{table}.{name}' if table else name)}; expected one of {choices(expected, name)}"
+def unknown_key(table: str, name: str, expected: Iterable[str], belongs: str = "") -> str:
+    """A key that its table does not have, and where it belongs, or the keys that the table has, and the closest of them."""
+    what = belongs or f"expected one of {choices(expected, name)}"
+    return f"unknown key {shortened(f'{table}.{name}' if table else name)}; {what}"
 
 
 def choices(expected: Iterable[str], given: str) -> str:

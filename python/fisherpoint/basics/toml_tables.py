@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -12,7 +13,8 @@ from pydantic_core import PydanticCustomError
 
 from .messages import listed
 from .quantity import Quantity
-from .toml_messages import MOST_LINES, ConfigError, KeysOf, describe, unknown_key
+from .toml_messages import MOST_LINES, ConfigError, describe, unknown_key
+from .toml_schema import misplaced_key
 from .units import unit_mistake
 
 Validated = TypeVar("Validated", bound=BaseModel)
@@ -52,12 +54,12 @@ class Constant(Abbreviated):
     unit: str | None = None
 
 
-def validated(kind: type[Validated], data: dict[str, Any], path: str | Path, keys_of: KeysOf) -> Validated:
+def validated(kind: type[Validated], data: dict[str, Any], path: str | Path) -> Validated:
     """The table that the data of a file are, or a `ConfigError` that says what they lack."""
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise ConfigError(*(f"{path}: {line}" for line in describe(error, keys_of))) from None
+        raise ConfigError(*(f"{path}: {line}" for line in describe(error, partial(misplaced_key, kind)))) from None
 
 
 def wrong_names(table: str, given: Iterable[str], expected: Iterable[str]) -> Iterator[str]:

@@ -14,12 +14,10 @@ from ..basics.extras import needed_for
 from ..basics.kept import decoded, encoded
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
-from ..design.points.point_search import Progress
 from ..design.report import points_section
-from ..design.runs.run_search import RunProgress
 from ..design.runs.run_tables import segments_table
 from ..design.settings_section import settings_section
-from ..estimation.estimate import EstimateProgress, estimate
+from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
 from ..information.problem import DesignProblem
@@ -27,6 +25,7 @@ from ..information.problem_report import problem_sections
 from ..information.run_information import checked_problem
 from ..points.runs import Points, as_runs
 from ..points.settings import resolve_threads
+from ..show.progress import Progress
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .batches import Settings, designed, search_of
@@ -205,7 +204,7 @@ class Campaign(Shown):
             self._fit = self._estimated(self.history[:-1], self.history[-1].data)
         return self._fit
 
-    def next(self, *, progress: bool | Callable[[Progress], None] | Callable[[RunProgress], None] | None = None) -> Points:
+    def next(self, *, progress: bool | Callable[[Progress], None] | None = None) -> Points:
         """Return the next points, or runs, to measure: those that are planned, or else newly designed ones.
 
         Parameters
@@ -242,7 +241,7 @@ class Campaign(Shown):
         self._change(planned=found)
         return found
 
-    def tell(self, data: Measurements, *, progress: bool | Callable[[EstimateProgress], None] | None = None) -> Fit:
+    def tell(self, data: Measurements, *, progress: bool | Callable[[Progress], None] | None = None) -> Fit:
         """Add data, estimate, and save; the next points will be new ones.
 
         Parameters
@@ -361,7 +360,7 @@ class Campaign(Shown):
         self,
         before: tuple[Batch, ...],
         data: Measurements,
-        progress: bool | Callable[[EstimateProgress], None] | None = None,
+        progress: bool | Callable[[Progress], None] | None = None,
     ) -> Fit:
         """The fit of the data of the batches `before` and of `data`, a function of these alone.
 
@@ -375,11 +374,7 @@ class Campaign(Shown):
             start=before[-1].estimate if before else None,
             parameters=problem.estimated,
             noise_std=problem.noise_std,
-            uncertain=problem.uncertain,
-            varies=problem.varies,
-            initial_state_std=problem.initial_state_std,
-            shared=problem.shared_starts,
-            assumed_rule=problem.assumed_rule,
+            deviations=problem.deviations,
             threads=self._threads,
             progress=progress,
         )

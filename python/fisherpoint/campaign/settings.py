@@ -11,6 +11,7 @@ import numpy as np
 
 from ..basics.checks import as_share, by_name, check_positive_int
 from ..basics.messages import shown
+from ..basics.options import refuse_misplaced
 from ..design.optimality.goal import goal_of
 from ..design.settings import ExchangeSettings, method_of, most_iterations
 from ..information.problem import DesignProblem
@@ -29,6 +30,7 @@ def batch_settings(problem: DesignProblem, batch: int | None, seed: int, given: 
     """Settings of the search for a batch, with the search's own defaults; no batch is compared with other designs."""
     by = search_of(problem)
     known = [field.name for field in fields(by.settings) if field.name not in (by.size, "seed", "time_limit")]
+    refuse_misplaced((name for name in given if name not in known), by.settings, "fp.Campaign")
     for unknown in (name for name in given if name not in known):
         raise TypeError(f"settings: expected names of {', '.join(known)}; given {shown(unknown)}")
     values = dict(given) | {"goal": goal_of(given.get("goal", "D"))}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from ..basics.checks import as_positive, check_positive_int, check_type
+from ..basics.options import with_options
 from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
 from ..information.combinations import combinations
@@ -17,7 +17,7 @@ from ..information.prior_information import prior_information
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
-from ..show.progress import Step, check_progress, following
+from ..show.progress import Progress, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
 from .optimality.averaged import MOST_OF_ALL, Averaged, EstimableOver, parted
 from .optimality.candidate_rows import CandidateRows
@@ -46,14 +46,7 @@ SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
 
 
-class ApproximateProgress(NamedTuple):
-    """What `approximate` is doing: "searching" for candidates, or "weighing" them; how many it has tried or weighs, and seconds."""
-
-    doing: str
-    candidates: int
-    seconds: float
-
-
+@with_options
 def approximate(
     problem: DesignProblem,
     candidates: Experiments | None = None,
@@ -65,7 +58,7 @@ def approximate(
     tolerance: float = 1e-6,
     seed: int = 0,
     threads: int | None = None,
-    progress: bool | Callable[[ApproximateProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> ApproximateDesign:
     """Find weights of points, and prove how near to the best weights they are.
 
@@ -95,8 +88,8 @@ def approximate(
     threads : int, optional
         Default: every core.
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with an `ApproximateProgress` each time
-        that something is done.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` each time that
+        something is done, with how many candidates are tried or weighed.
 
     Returns
     -------
@@ -129,11 +122,12 @@ def approximate(
     if scenarios is not None:
         there = [criterion_of(one, goal, threads) for one in scenarios.problems]
         criterion = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
-    with following(progress, "approximate", _step, counted=False) as callback:
+    with following(progress, "approximate", counted=False) as callback:
 
         def report(doing: str, candidates: int) -> None:
             if callback is not None:
-                callback(ApproximateProgress(doing, candidates, time.perf_counter() - started))
+                message = f"{doing}, {candidates} candidates"
+                callback(Progress(candidates, None, None, message, time.perf_counter() - started))
 
         elsewhere = () if scenarios is None else scenarios.problems
         source = PointRows(problem, threads, elsewhere)
@@ -224,10 +218,6 @@ def _experiments(added: bool, n_experiments: int | None) -> int | None:
     return check_positive_int(n_experiments, "n_experiments")
 
 
-def _step(now: ApproximateProgress) -> Step:
-    return Step(state=f"{now.doing}, {now.candidates} candidates")
-
-
 def _searched(
     problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None, report: Callable[[str, int], None]
 ) -> list[Experiments]:
@@ -243,7 +233,7 @@ def _searched(
     )
     for k in range(SEARCHES):
         search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
-        if search.run(lambda now: report("searching", now.drawn)) == StopReason.interrupted:
+        if search.run(_tried(search, report)) == StopReason.interrupted:
             raise KeyboardInterrupt
         seen = search.seen.best(search.best.information, None, SEARCHED)
         if seen is not None:
@@ -254,6 +244,10 @@ def _searched(
         if abs(search.best.log_det - before) < AGREE * p:
             break
     return found
+
+
+def _tried(search: AutoSearch, report: Callable[[str, int], None]) -> Callable[[Progress], None]:
+    return lambda _: report("searching", search.source.drawn)
 
 
 def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ..points.runs import Points, as_runs, points_of
 from ..points.settings import resolve_threads
 from ..points.status import NoTrajectory
 from ..show.numbers import computed, counted, number, percent
-from ..show.progress import Step, check_progress, following
+from ..show.progress import Progress, check_progress, following
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .efficiency import d_efficiency
@@ -31,15 +31,6 @@ from .efficiency import d_efficiency
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-
-class CompareProgress(NamedTuple):
-    """What `compare` has done: designs of all, the name of the one that it is at, empty at the end, and seconds."""
-
-    designs: int
-    n_designs: int
-    name: str
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -179,7 +170,7 @@ def compare(
     draws: int = 1000,
     seed: int = 0,
     threads: int | None = None,
-    progress: bool | Callable[[CompareProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> DesignComparison:
     """Compare designs by their information under the sensor noise, and by how many plants can run them.
 
@@ -193,8 +184,8 @@ def compare(
         Of the plants on which they are tried (`feasibility`); the same for all designs.
     threads : int, optional
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `CompareProgress` before each
-        design, and at the end.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` before each
+        design, whose name is the message, and at the end.
 
     Returns
     -------
@@ -215,16 +206,13 @@ def compare(
     started = perf_counter()
     found: dict[str, ComparedDesign] = {}
 
-    def step(now: CompareProgress) -> Step:
-        return Step(now.designs, now.n_designs, now.name)
-
-    with following(progress, "comparing designs", step) as report:
+    with following(progress, "comparing designs") as report:
         for name, points in named.items():
             if report is not None:
-                report(CompareProgress(len(found), len(named), name, perf_counter() - started))
+                report(Progress(len(found), len(named), None, name, perf_counter() - started))
             found[name] = _compared(problem, name, points, draws, seed, threads)
         if report is not None:
-            report(CompareProgress(len(found), len(named), "", perf_counter() - started))
+            report(Progress(len(found), len(named), None, "", perf_counter() - started))
     return DesignComparison(problem, FrozenMapping(found))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,9 @@ from ..basics.checks import as_path
 from ..basics.quantity import names_of
 from ..basics.toml_data import read_toml
 from ..basics.toml_messages import MOST_LINES, ConfigError, describe, fail_of
+from ..basics.toml_schema import misplaced_key
 from ..information.problem import DesignProblem
-from ..models.toml import ModelFile, keys_of
+from ..models.toml import ModelFile
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.run_region import RunRegion
@@ -29,7 +31,6 @@ from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Rule
 from .configuration_checks import mistakes_between, pair_of, valid_tables
 from .configuration_tables import (
-    BoundsEntry,
     CampaignTable,
     Correlation,
     CostTable,
@@ -38,7 +39,6 @@ from .configuration_tables import (
     PriorEntry,
     ProblemKeys,
     RegionTable,
-    RestTable,
     RuleTable,
     RunsTable,
     Std,
@@ -225,7 +225,9 @@ def load_config(path: str | Path) -> Config:
         config = Config.model_validate(data)
     except ValidationError as error:
         # What does not fit the model is looked for by pydantic only where each table is valid in itself.
-        lines = dict.fromkeys([*describe(error, _keys_of), *islice(mistakes_of_valid_tables(data), MOST_LINES)])
+        lines = dict.fromkeys(
+            [*describe(error, partial(misplaced_key, Config)), *islice(mistakes_of_valid_tables(data), MOST_LINES)]
+        )
         raise ConfigError(*(f"{path}: {line}" for line in islice(lines, MOST_LINES))) from None
     config._source = str(path)
     config._check_values()
@@ -261,7 +263,7 @@ def mistakes_of_valid_tables(data: Mapping[str, Any]) -> Iterable[str]:
     try:
         model = ModelFile.model_validate({"model": data["model"]}).build_model()
     except ValidationError as error:
-        return describe(error, _keys_of)
+        return describe(error, partial(misplaced_key, Config))
     return mistakes_between(valid_tables(Config, data), model)
 
 
@@ -290,17 +292,3 @@ _TABLES: dict[str, type[BaseModel]] = {
     "cost": CostTable,
     "campaign": CampaignTable,
 }
-
-
-def _keys_of(place: tuple[str, ...]) -> list[str]:
-    """The keys that the table at this place may have."""
-    if place[:1] == ("model",):
-        return keys_of(place)
-    if place[:2] == ("runs", "rest"):
-        return list(RestTable.model_fields)
-    if len(place) > 1:
-        if place == ("runs", "rest"):
-            return list(RestTable.model_fields)
-        entries: dict[str, type[BaseModel]] = {"prior": PriorEntry, "region": BoundsEntry}
-        return list(entries.get(place[0], Std).model_fields)
-    return list((_TABLES[place[0]] if place else Config).model_fields)

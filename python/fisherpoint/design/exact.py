@@ -8,14 +8,15 @@ from collections.abc import Callable
 import numpy as np
 
 from ..basics.checks import as_positive, check_positive_int, check_type
+from ..basics.options import with_options
 from ..basics.values import FrozenMapping
 from ..information.combinations import combinations
 from ..information.prior_information import prior_information
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
 from ..points.settings import resolve_threads
+from ..show.progress import Progress, check_progress, following
 from .exact_search import ExactSearch, Limits
-from .optimality.branch_and_bound import ExactProgress
 from .optimality.candidate_rows import CandidateRows
 from .optimality.estimability import NOT_TOLD, determined, not_told
 from .optimality.estimable import estimable
@@ -31,6 +32,7 @@ TOLERANCE = 1e-6
 MOST_EXPERIMENTS, MOST_NODES = 10_000, 10**9
 
 
+@with_options
 def exact(
     problem: DesignProblem,
     candidates: Experiments,
@@ -42,7 +44,7 @@ def exact(
     time_limit: float | None = None,
     seed: int = 0,
     threads: int | None = None,
-    progress: Callable[[ExactProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> ExactDesign:
     """Find how often each of given candidates is to be measured, and prove how near to the best design that is.
 
@@ -71,8 +73,9 @@ def exact(
         Of the designs from which exchanges begin.
     threads : int, optional
         Default: every core.
-    progress : callable, optional
-        Called with an `ExactProgress` once in 50 nodes.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after the exchanges,
+        and once in 50 nodes of branch and bound; its value is the proven efficiency.
 
     Returns
     -------
@@ -98,8 +101,7 @@ def exact(
     max_nodes = check_positive_int(max_nodes, "max_nodes", 1, MOST_NODES)
     time_limit = None if time_limit is None else as_positive(time_limit, "time_limit")
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected a function, given {type(progress).__name__}")
+    check_progress(progress)
     known = None
     if goal.prior_information or problem.n_nuisance:
         known = prior_information(problem, goal.prior_information)
@@ -121,7 +123,8 @@ def exact(
     weights = optimal_weights(pool, criterion, tolerance=TOLERANCE, seed=seed, space=space)
     limits = Limits(-float(np.log1p(-gap)), max_nodes, time_limit, started)
     search = ExactSearch(pool, criterion.within(space), weights, n, limits, np.random.default_rng(seed))
-    found = search.run(progress)
+    with following(progress, "nodes", "exchanging points") as report:
+        found = search.run(report)
     if not found.efficiency > 0:
         raise ValueError(
             f"n_experiments: expected enough to determine criterion {goal.criterion!r}, given {n}: the candidates determine "

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ..basics.stop_reason import StopReason
 from ..basics.values import Array
+from ..show.progress import Progress
 from .average import Average
-from .optimality.branch_and_bound import BranchAndBound, ExactProgress, similar_first
+from .optimality.branch_and_bound import BranchAndBound, similar_first
 from .optimality.candidate_rows import CandidateRows
 from .optimality.criteria import Criterion
 from .optimality.relaxation import Box, Counts, Relaxation
@@ -82,20 +83,28 @@ class ExactSearch:
         self.counts: Counts | None = None
         self.value = -np.inf
 
-    def run(self, progress: Callable[[ExactProgress], None] | None) -> FoundCounts:
+    def run(self, progress: Callable[[Progress], None] | None) -> FoundCounts:
         """Search until the best design is known, or something ends it; where none determines enough, the efficiency is 0."""
         left, stop_reason, nodes, bound = np.arange(len(self._pool)), StopReason.interrupted, 0, self._bound()
         search: BranchAndBound | None = None
+        limits = self._limits
+
+        def report(nodes: int, still_open: int, efficiency: float) -> None:
+            if progress is not None:
+                message = f"efficiency at least {efficiency:.4f}, {still_open} open"
+                progress(Progress(nodes, limits.max_nodes, efficiency, message, time.perf_counter() - limits.started))
+
         try:
             left = self._looked_at()
+            report(0, 0, self._efficiency(bound))
             if not len(left):
-                stop_reason, bound = StopReason.proven, min(bound, self.value + self._limits.gap)
+                stop_reason, bound = StopReason.proven, min(bound, self.value + limits.gap)
             elif len(left) > MOST_LEFT:
                 stop_reason = StopReason.too_many_candidates
             elif np.isfinite(self.value):
                 search, left = self._branch_and_bound(left)
                 box = Box(np.zeros(len(left), dtype=np.int64), self._most(left))
-                stop_reason = search.run(box, bound, self._limits.max_nodes, self._limits.late, progress)
+                stop_reason = search.run(box, bound, limits.max_nodes, limits.late, report)
         except KeyboardInterrupt:
             if self.counts is None:
                 raise
@@ -106,8 +115,11 @@ class ExactSearch:
             if search.value > self.value:
                 self.value, counts = search.value, np.zeros(len(self._prices), dtype=np.int64)
                 counts[left] = search.counts
-        efficiency = float(np.exp(min(self.value - bound, 0.0))) if np.isfinite(self.value) else 0.0
-        return FoundCounts(counts, efficiency, stop_reason, nodes, len(left))
+        return FoundCounts(counts, self._efficiency(bound), stop_reason, nodes, len(left))
+
+    def _efficiency(self, bound: float) -> float:
+        """What is proven of the best design so far; 0 where it does not determine enough."""
+        return float(np.exp(min(self.value - bound, 0.0))) if np.isfinite(self.value) else 0.0
 
     def _looked_at(self) -> NDArray[np.intp]:
         """Exchange over the best candidates, and those that are left of all after that."""

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..basics.checks import check_type
+from ..basics.options import with_options
 from ..basics.stop_reason import StopReason
 from ..information.candidates import surviving
 from ..information.evaluation import Evaluation
@@ -26,7 +27,7 @@ from ..points.region import ExperimentRegion
 from ..points.runs import as_runs, points_of
 from ..points.settings import resolve_threads
 from ..points.status import Status, failures_of
-from ..show.progress import check_progress, following
+from ..show.progress import Progress, check_progress, following
 from .efficiency import Efficiency, efficiency_of, median_of, random_designs
 from .found import FoundDesign
 from .optimality.estimability import determined, refuse_open
@@ -34,12 +35,12 @@ from .optimality.goal import Goal, goal_of
 from .over_prior import Scenarios, moved_problems
 from .points.auto_search import AutoSearch
 from .points.exchange_search import ExchangeSearch
-from .points.point_search import PointSearch, Progress
+from .points.point_search import PointSearch
 from .result import Design
-from .search_steps import points_step
 from .settings import ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations, searched_by
 
 
+@with_options
 def exchange(
     problem: DesignProblem,
     n_experiments: int = 12,
@@ -89,7 +90,8 @@ def exchange(
     threads : int, optional
         Default: every core.
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` once per iteration.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each
+        iteration; its value is the log det, or the log of the criterion, of the best design so far.
 
     Returns
     -------
@@ -137,7 +139,7 @@ def designs(
         known, kept = _with_kept(problem, keep, known, settings.n_experiments, threads)
     if settings.goal.over is not None:
         scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
-    with following(progress, "iteration", points_step(settings.goal), "drawing the first points") as report:
+    with following(progress, "iteration", "drawing the first points") as report:
         search = _search(problem, settings, threads, known, kept, scenarios)
         stop_reason = search.run(report)
         interrupted = stop_reason == StopReason.interrupted

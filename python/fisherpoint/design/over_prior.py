@@ -8,6 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field
 import numpy as np
 
 from ..basics.checks import as_float, as_sequence, by_name, check_choice, check_mapping
+from ..basics.options import Options
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..information.point_information import PointInformation
@@ -22,7 +23,7 @@ MOST_SCENARIOS = 1024
 
 
 @dataclass(frozen=True)
-class OverPrior:
+class OverPrior(Options):
     """A criterion over the prior: what `exchange` maximises instead of log det F at the prior mean.
 
     Parameters

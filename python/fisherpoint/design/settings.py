@@ -13,6 +13,7 @@ from ..basics.checks import (
     check_positive_int,
     check_type,
 )
+from ..basics.options import Options
 from ..information.output_covariance import needs_covariances
 from ..information.problem import DesignProblem
 from .optimality.goal import Goal, with_default_confidence
@@ -32,7 +33,7 @@ TIME_LIMIT = Key(
 
 
 @dataclass(frozen=True)
-class ExchangeMethod:
+class ExchangeMethod(Options):
     """How `exchange` searches for points.
 
     Parameters

@@ -14,6 +14,7 @@ import numpy as np
 from ..basics.checks import as_sequence, check_positive_int, check_type
 from ..basics.extras import needed_for
 from ..basics.kept import Kept
+from ..basics.options import with_options
 from ..basics.stop_reason import StopReason
 from ..information.evaluation import Evaluation
 from ..information.point_information import PointInformation
@@ -22,7 +23,7 @@ from ..information.prior_information import prior_information as information_of_
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..points.settings import resolve_threads
-from ..show.progress import check_progress, following
+from ..show.progress import Progress, check_progress, following
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .cost import Cost
@@ -31,9 +32,8 @@ from .optimality.criteria import Criterion
 from .optimality.estimability import determined, not_told, refuse_open
 from .optimality.goal import Goal, goal_of
 from .points.candidate_archive import CandidateArchive
-from .points.point_search import PointSearch, Progress
+from .points.point_search import PointSearch
 from .points.size_search import sized_searches
-from .search_steps import sizes_step
 from .settings import MOST, ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations
 from .sweep_report import sweep_report
 from .swept import SizedDesign, SweptDesigns, log_det_of
@@ -89,6 +89,7 @@ class Sweep(SweptDesigns, Shown, Kept):
         return drawn(plot_sweep(self), path)
 
 
+@with_options
 def sweep(
     problem: DesignProblem,
     n_experiments: Iterable[int],
@@ -102,7 +103,7 @@ def sweep(
     seed: int = 0,
     time_limit: float | None = None,
     threads: int | None = None,
-    progress: bool | Callable[[int, Progress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> Sweep:
     """Find designs of several sizes, each from the last one and the candidates of all before.
 
@@ -121,8 +122,8 @@ def sweep(
     time_limit : float, optional
         Stop after so many seconds, with the sizes that are done then and the best design so far of the next one.
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with the size and a `Progress` once per
-        iteration.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each iteration:
+        the sizes that are done, and the log det of the best design so far of the next one.
 
     Returns
     -------
@@ -162,13 +163,13 @@ def sweep(
     search: PointSearch | None = None
     stop_reason = StopReason.completed
     try:
-        with following(progress, "sizes", sizes_step(sizes), "drawing the first points") as report:
+        with following(progress, "sizes", "drawing the first points") as report:
             for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
                 size = search.settings.n_experiments
                 if time_limit is not None:  # what is left of it
                     left = time_limit - (time.perf_counter() - started - search.seconds)
                     search.settings = replace(search.settings, time_limit=max(left, NO_TIME))
-                ended = search.run(None if report is None else partial(report, size))
+                ended = search.run(None if report is None else partial(_report, report, search, len(found), len(sizes), started))
                 if ended == StopReason.interrupted:
                     raise KeyboardInterrupt
                 check_determined(search)
@@ -219,6 +220,13 @@ def sweep(
         not_told=() if space is None else not_told(problem, space),
         ridge=ridge,
     )
+
+
+def _report(report: Callable[[Progress], None], search: PointSearch, done: int, sizes: int, started: float, _: Progress) -> None:
+    """Report the search for one size as a part of all."""
+    value = search.best.log_det
+    message = f"{search.settings.n_experiments} points, log det {value:.3f}"
+    report(Progress(done, sizes, value, message, time.perf_counter() - started))
 
 
 class _Found(NamedTuple):

@@ -6,25 +6,26 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, check_type, names_among, some_names_among
+from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, check_type, some_names_among
 from ..basics.messages import listed, shown
+from ..basics.options import with_options
 from ..basics.quantity import names_of
 from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..information.assumed import assumed_of
+from ..information.deviations import EXACT, Deviations
 from ..models import Model
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import check_rtol, resolve_threads
 from ..prior.gaussian import GaussianPrior
-from ..prior.rules import Rule
 from ..show.numbers import counted
-from ..show.progress import Step, check_progress, following
+from ..show.progress import Progress, check_progress, following
 from .fit import Fit
 from .known_noise import KnownNoise
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
@@ -37,14 +38,7 @@ from .unknowns import checked_bounds, prior_factor, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
 
 
-class EstimateProgress(NamedTuple):
-    """What `estimate` has done: evaluations of the residuals at a set of unknowns, from how many starts it goes on, and seconds."""
-
-    evaluations: int
-    searches: int
-    seconds: float
-
-
+@with_options
 def estimate(
     model: Model,
     data: Any,
@@ -54,15 +48,11 @@ def estimate(
     parameters: Sequence[str] | None = None,
     noise_std: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    uncertain: Mapping[str, float] | None = None,
-    varies: Mapping[str, float] | None = None,
-    initial_state_std: Mapping[str, float] | None = None,
-    shared: Sequence[str] = (),
-    assumed_rule: Rule | None = None,
+    deviations: Deviations = EXACT,
     starts: int = 8,
     rtol: float = 1e-9,
     threads: int | None = None,
-    progress: bool | Callable[[EstimateProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Estimate parameters from measured data, (5).
 
@@ -87,18 +77,9 @@ def estimate(
         all outputs take part.
     bounds : mapping of name to (lower, upper), optional
         None for no bound. Default: what the model itself demands (`Model.least`).
-    uncertain : mapping of name to float, optional
-        As in `DesignProblem`: standard deviations of constants, and of parameters that are not estimated, each with one value
-        in all data. They are estimated too, with that as what is known beforehand, and stand behind the parameters in the
-        fit.
-    varies, initial_state_std : mapping of name to float, optional
-        As in `DesignProblem`: standard deviations of what is drawn anew in each point or run, and of their starts. What they add to
-        the covariance of the outputs is taken at the estimate; the samples of a run share the error. Not for records: estimate them
-        there.
-    shared : sequence of str, optional
-        States of `initial_state_std` whose start deviates once, in all points and runs alike; these are estimated too.
-    assumed_rule : Rule, optional
-        Takes that share as a predictive covariance (16), where it is not linear; the default is by tangents, which runs need.
+    deviations : Deviations, optional
+        By how much constants, loads and starts deviate, such as ``fp.Deviations(uncertain={"m": 0.1})``, or those of a problem,
+        ``problem.deviations``. Default: all of it is known exactly.
     starts : int
         Number of starts where there is a prior: its mean, and nodes spread over it, without those at which trajectories are not
         ok. Where at most half of them come to the best fit, or this leaves residuals that the known noise does not
@@ -107,8 +88,9 @@ def estimate(
         Tolerance of the trajectories.
     threads : int, optional
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with an `EstimateProgress` after each
-        evaluation of the residuals.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each
+        evaluation of the residuals, with how many sets of unknowns they were evaluated at; the message says from how many starts
+        it goes on.
 
     Returns
     -------
@@ -125,18 +107,17 @@ def estimate(
     check_progress(progress)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
-    drawn = (("uncertain", uncertain), ("varies", varies))
-    for label, stds in (("noise_std", noise_std), *drawn, ("initial_state_std", initial_state_std)):
-        if stds is not None:
-            check_mapping(stds, label)
-    for label, stds in drawn:
+    if noise_std is not None:
+        check_mapping(noise_std, "noise_std")
+    check_type(deviations, Deviations, "deviations")
+    uncertain, varies = deviations.uncertain, deviations.varies
+    for label, stds in (("uncertain", uncertain), ("varies", varies)):
         for name in (name for name in chosen if stds is not None and name in stds):
             raise ValueError(f"{label}: expected constants or parameters that are not estimated, given {name!r}, which is")
     sensors = None if noise_std is None else noise_covariance(model, noise_std)
     parts = _parts(data, model, noise_std)
-    shared = names_among(shared, tuple(initial_state_std or ()), "shared")
-    nuisance, starts_anew = nuisance_of(uncertain, initial_state_std, shared)
-    assumed_of(model, uncertain, varies, initial_state_std)  # unknown names, and what is in two of them
+    nuisance, starts_anew = nuisance_of(uncertain, deviations.initial_state_std, deviations.shared)
+    assumed_of(model, uncertain, varies, deviations.initial_state_std)  # unknown names, and what is in two of them
     joint = nuisance.of(model)
     for label, given in (("prior", prior), ("start", start)):
         if (label == "prior" and given is not None) or isinstance(given, GaussianPrior):
@@ -151,7 +132,8 @@ def estimate(
     threads = resolve_threads(threads)
     rtol = check_rtol(rtol)
     observed = Observed(joint.model, parts, (*chosen, *joint.nuisance_names), theta, rtol, threads)
-    warn_of_small_states(model, "the starts keep", *(part.points.x0 for part in parts if isinstance(part, Measurements)))
+    starts_given = (part.points.x0 for part in parts if isinstance(part, Measurements))
+    warn_of_small_states(model, "the starts keep", *starts_given, stacklevel=4)  # past `with_options`
     known_names = dict.fromkeys((*names, *observed.names))
     for label, mapping in (("start", start), ("prior", prior)):
         given_names = mapping.names if isinstance(mapping, GaussianPrior) else tuple(mapping or ())
@@ -172,7 +154,7 @@ def estimate(
         residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
         if sensors is not None:
-            noise = KnownNoise(joint.model, parts, sensors, varies, starts_anew, assumed_rule, rtol, threads)
+            noise = KnownNoise(joint.model, parts, sensors, varies, starts_anew, deviations.rule, rtol, threads)
             found = search_with_known_noise(residuals, z0, noise)
         elif varies or starts_anew:
             raise ValueError("noise_std: expected the sensor noise together with varies or initial_state_std, given none")
@@ -192,14 +174,11 @@ def estimate(
 
 
 @contextmanager
-def _heard(observed: Observed, progress: bool | Callable[[EstimateProgress], None] | None) -> Iterator[None]:
+def _heard(observed: Observed, progress: bool | Callable[[Progress], None] | None) -> Iterator[None]:
     """Report every evaluation of the residuals."""
     started, evaluations = perf_counter(), 0
 
-    def step(now: EstimateProgress) -> Step:
-        return Step(state=f"{counted(now.evaluations, 'evaluation')}, from {counted(now.searches, 'start')}")
-
-    with following(progress, "estimating", step, counted=False) as report:
+    with following(progress, "estimating", counted=False) as report:
         if report is None:
             yield
             return
@@ -207,7 +186,8 @@ def _heard(observed: Observed, progress: bool | Callable[[EstimateProgress], Non
         def heard(searches: int) -> None:
             nonlocal evaluations
             evaluations += searches
-            report(EstimateProgress(evaluations, searches, perf_counter() - started))
+            message = f"{counted(evaluations, 'evaluation')}, from {counted(searches, 'start')}"
+            report(Progress(evaluations, None, None, message, perf_counter() - started))
 
         observed.heard = heard
         try:

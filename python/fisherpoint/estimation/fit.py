@@ -11,12 +11,13 @@ from ..basics.checks import check_choice
 from ..basics.extras import needed_for
 from ..information.problem_report import prior_section
 from ..prior.gaussian import GaussianPrior
+from ..show.progress import Progress
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
 from .fit_files import fit_dict, load_fit, save_fit
 from .plots import plots_of
 from .posterior import posterior_of
-from .profile import Profile, ProfileProgress, profile_of
+from .profile import Profile, profile_of
 from .profile_curve import ProfileCurve
 from .report import fit_facts, fit_report
 from .statistics import FitStatistics
@@ -36,7 +37,7 @@ class Fit(FitStatistics, Shown):
         *,
         level: float = 0.95,
         threads: int | None = None,
-        progress: bool | Callable[[ProfileProgress], None] | None = None,
+        progress: bool | Callable[[Progress], None] | None = None,
     ) -> Profile:
         """The profile likelihood of one unknown, and the confidence interval by it; it is right where `intervals` are too linear.
 
@@ -53,8 +54,8 @@ class Fit(FitStatistics, Shown):
         threads : int, optional
             Default: those of the estimate. They do not change the result.
         progress : bool or callable, optional
-            True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `ProfileProgress` after each
-            value.
+            True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each
+            evaluation, with how many values of the unknown there were.
 
         Raises
         ------
@@ -95,7 +96,7 @@ class Fit(FitStatistics, Shown):
         kind: str = "parity",
         *,
         path: str | Path | None = None,
-        progress: bool | Callable[[ProfileProgress], None] | None = None,
+        progress: bool | Callable[[Progress], None] | None = None,
     ) -> Figure:
         """Draw how well the fit describes the data, or how well it knows the parameters; needs matplotlib.
 

@@ -90,7 +90,7 @@ class KnownNoise:
 
     def _of_runs(self, data: Measurements, theta: Array, first: int) -> Iterator[RunError]:
         if self.rule is not None and not isinstance(self.rule, Linearized):
-            raise ValueError(f"assumed_rule: expected tangents, None, for runs, given {self.rule}")
+            raise ValueError(f"rule: expected tangents, None, for runs, given {self.rule}")
         assumed = assumed_of(self.model, None, self.varies, self.initial_state_std)
         settings = Integration(self.rtol, threads=self.threads)
         return run_errors(assumed, data, theta, settings, np.sqrt(np.diag(self.sensors)), first)

@@ -23,7 +23,7 @@ from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from ..points.settings import resolve_threads
 from ..show.numbers import counted, number
-from ..show.progress import Step, check_progress, following
+from ..show.progress import Progress, check_progress, following
 from ..show.section import Report, Section
 from ..show.table_preview import InNotebooks
 from .least_squares import CONVERGED, NOT_EVALUABLE, Accuracy, Residuals, minimise
@@ -52,13 +52,6 @@ EVALUATIONS = 5
 
 SETTLED = 1e-5
 """Change of the weights, as a share, from which on the deviance, which is flat there, no longer changes."""
-
-
-class ProfileProgress(NamedTuple):
-    """What `Fit.profile` has done: values of the unknown at which it has estimated the others anew, and seconds."""
-
-    values: int
-    seconds: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +106,7 @@ def profile_of(
     fit: FitStatistics,
     name: str,
     level: float = 0.95,
-    progress: bool | Callable[[ProfileProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
     threads: int | None = None,
 ) -> Profile:
     """See `Fit.profile`."""
@@ -135,10 +128,7 @@ def profile_of(
     sides = [Side(z, tangent, j, sign, reach, limit, finest) for sign, limit in zip((-1, 1), limits, strict=True)]
     started = perf_counter()
 
-    def step(now: ProfileProgress) -> Step:
-        return Step(state=f"at {counted(now.values, 'value')}")
-
-    with following(progress, f"profile of {name}", step, counted=False) as report:
+    with following(progress, f"profile of {name}", counted=False) as report:
         heard = held if report is None else _heard(held, report, started)
         walk(sides, heard, threshold)
         refine(sides, heard, threshold)
@@ -173,7 +163,7 @@ def profile_of(
 # The minimum over the other unknowns
 
 
-def _heard(held: Minimum, report: Callable[[ProfileProgress], None], started: float) -> Minimum:
+def _heard(held: Minimum, report: Callable[[Progress], None], started: float) -> Minimum:
     """Return `held` with a report of every value."""
     values = 0
 
@@ -181,7 +171,7 @@ def _heard(held: Minimum, report: Callable[[ProfileProgress], None], started: fl
         nonlocal values
         found = held(z)
         values += len(z)
-        report(ProfileProgress(values, perf_counter() - started))
+        report(Progress(values, None, None, f"at {counted(values, 'value')}", perf_counter() - started))
         return found
 
     return heard

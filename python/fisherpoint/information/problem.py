@@ -27,6 +27,7 @@ from ..prior.rules import DEFAULT_RULE, Rule
 from ..show.section import Report
 from ..show.table_preview import InNotebooks
 from .assumed import Assumed, assumed_of
+from .deviations import Deviations
 from .problem_report import problem_sections
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
@@ -269,9 +270,16 @@ class DesignProblem(InNotebooks):
         return self.std if self.assumed is None else _read_only(np.append(self.std, self.assumed.nuisance_std))
 
     @property
-    def assumed_rule(self) -> Rule | None:
-        """The rule by which what is drawn anew spreads over the outputs, (16); None where that is by tangents."""
-        return self.rule if self.assumed_covariance == "predictive" else None
+    def deviations(self) -> Deviations:
+        """By how much what is not known exactly deviates, as `estimate` takes it."""
+        rule = self.rule if self.assumed_covariance == "predictive" else None
+        return Deviations(
+            uncertain=self.uncertain,
+            varies=self.varies,
+            initial_state_std=self.initial_state_std,
+            shared=self.shared_starts,
+            rule=rule,
+        )
 
     @cached_property
     def largest_sensitivity(self) -> Array:

@@ -22,6 +22,7 @@ from ..basics.quantity import Quantity
 from ..basics.units import CELSIUS, UnitValue, dimension, unit_value
 from .surfaces.printing import to_text
 from .tape.defined import Defined
+from .tape.kinds import KINDS
 from .tape.parts import parts
 
 SMALL = 12
@@ -37,9 +38,7 @@ _SECOND = unit_value("s")
 _NONE = unit_value("1")
 
 _SAME = (sympy.Add, sympy.Min, sympy.Max)
-_OF_NUMBERS = (
-    sympy.exp, sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.sinh, sympy.cosh, sympy.tanh,
-)  # fmt: skip
+_OF_NUMBERS = tuple(kind for kind, function in KINDS.items() if function.of_number)
 
 
 def mistakes_in_units(

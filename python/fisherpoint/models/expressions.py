@@ -14,6 +14,7 @@ from sympy.logic.boolalg import BooleanFalse, BooleanFunction, BooleanTrue
 from ..basics.formulas import ARGUMENTS
 from ..basics.messages import listed, shortened, shown
 from .tape.defined import Defined
+from .tape.kinds import KINDS
 from .tape.latch import Latch
 from .tape.numbers import is_number, with_exact_numbers
 from .tape.parts import cases, check_size, parts, rebuilt, replaced, symbols_of
@@ -22,8 +23,8 @@ MAX_EXPONENT = 1000
 """The largest number as an exponent; sympy works powers of numbers out to the last digit."""
 
 _ARITHMETIC = (sympy.Symbol, sympy.Number, sympy.Add, sympy.Mul, sympy.Pow)
-_CALLS = tuple(getattr(sympy, name) for name in ARGUMENTS if hasattr(sympy, name) and isinstance(getattr(sympy, name), type))
-_CASES = (sympy.Abs, sympy.Heaviside, sympy.Min, sympy.Max, sympy.Piecewise, sympy.functions.elementary.piecewise.ExprCondPair)
+_CALLS = (*KINDS, sympy.atan2)
+_CASES = (sympy.Min, sympy.Max, sympy.Piecewise, sympy.functions.elementary.piecewise.ExprCondPair)
 _LOGIC = (Relational, sympy.And, sympy.Or, sympy.Not, sympy.ITE, BooleanTrue, BooleanFalse)
 _KNOWN = (*_ARITHMETIC, *_CALLS, *_CASES, *_LOGIC, Defined, Latch)
 

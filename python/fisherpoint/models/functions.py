@@ -15,6 +15,7 @@ from sympy.logic.boolalg import Boolean, BooleanAtom
 
 from ..basics.checks import as_float
 from ..basics.formulas import ARGUMENTS
+from ..basics.functions import FUNCTIONS as ONE_ARGUMENT
 from ..basics.messages import shown
 from .tape.latch import as_condition, latched
 from .tape.parts import check_size
@@ -94,9 +95,8 @@ def _extreme(kind: Any, number: Callable[..., Any]) -> Callable[..., Any]:
 
 
 _OF_TERMS: dict[str, Callable[..., Any]] = {
-    **{name: getattr(sympy, name) for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
-    **{name: getattr(sympy, name) for name in ("sinh", "cosh", "tanh", "sign")},
-    "abs": sympy.Abs,
+    **{function.name: getattr(sympy, function.sympy) for function in ONE_ARGUMENT},
+    "atan2": sympy.atan2,
     "heaviside": lambda x: sympy.Heaviside(x, 0),
     "min": _extreme(sympy.Min, lambda given: reduce(lambda a, b: a if a <= b else b, given)),
     "max": _extreme(sympy.Max, lambda given: reduce(lambda a, b: a if a >= b else b, given)),

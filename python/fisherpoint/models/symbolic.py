@@ -78,10 +78,6 @@ class SymbolicModel(DescribedModel):
     resets : mapping of condition to mapping of state name to value, or sequence of such pairs, optional
         States that get new values where a condition becomes true, as ``{"x < 0": {"v": "-e*v"}}`` of a mass that bounces.
         Conditions and values are texts, expressions or terms; the values are of the states just before.
-    along : sequence of str, optional
-        Limits along the way, see `within`.
-    offsets : mapping of parameter or constant name to state name, optional
-        By what states start off their x0, see `free_start`: limits along the way are those of the states themselves.
     check_units : bool
         Whether a warning names places of the equations where units do not fit, as of ``x**2 - k*x`` with x in m and k in 1/s.
 
@@ -105,8 +101,6 @@ class SymbolicModel(DescribedModel):
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
         resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]] = (),
-        along: Iterable[str] = (),
-        offsets: Mapping[str, str] | None = None,
         check_units: bool = True,
     ) -> None:
         given_f, given_g, given_domain = listed_equations(f, "f"), listed_equations(g, "g"), listed_equations(domain, "domain")
@@ -121,7 +115,6 @@ class SymbolicModel(DescribedModel):
                 raise ValueError(f"{kind}: expected at most {LIMIT}, given {len(getattr(self, kind))}")
         check_count(given_f, "f", self.states)
         check_count(given_g, "g", self.outputs)
-        self.along, self.offsets = tuple(listed_equations(along, "along")), FrozenMapping(offsets or {})
         for place, many in (("domain", given_domain), ("along", self.along)):
             if len(many) > MOST:
                 raise ValueError(f"{place}: expected at most {MOST} conditions, given {len(many)}")
@@ -388,7 +381,18 @@ class SymbolicModel(DescribedModel):
         """The model with other equations (f, g, domain), parameters, constants and nominal values."""
         f, g, domain = equations
         options = self._options | {"constants": constants, "domain": domain, "nominal": nominal} | further
-        return SymbolicModel(f, g, self.states, self.inputs, parameters, self.outputs, **options)
+        return SymbolicModel._made(f, g, self.states, self.inputs, parameters, self.outputs, **options)
+
+    @classmethod
+    def _made(cls, *given: Any, along: Iterable[str], offsets: Mapping[str, str], **options: Any) -> SymbolicModel:
+        """A model with what `within` and `free_start` add, which is there before its equations are read.
+
+        Limits along the way are those of the states themselves; `offsets` are the parameters by which these start off their x0.
+        """
+        model = cls.__new__(cls)
+        model.along, model.offsets = tuple(listed_equations(along, "along")), FrozenMapping(offsets)
+        SymbolicModel.__init__(model, *given, **options)
+        return model
 
     @property
     def _options(self) -> dict[str, Any]:
@@ -447,7 +451,7 @@ class SymbolicModel(DescribedModel):
 
     def __reduce__(self) -> tuple[Any, ...]:
         f, g, _ = self.texts
-        return (partial(SymbolicModel, **self._options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
+        return (partial(SymbolicModel._made, **self._options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
 
     def __str__(self) -> str:
         rates, output, _ = self.texts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, PrivateAttr, model_validator
+from pydantic import PrivateAttr, model_validator
 
 from ..basics.checks import as_path
 from ..basics.toml_data import parse_toml, read_toml
@@ -13,7 +13,7 @@ from ..basics.toml_tables import Table, validated, wrong_entries, wrong_names
 from ..basics.units import convert
 from .base import Model
 from .hydraulic_cylinder import MODELS
-from .toml_tables import ModelConstant, ModelTable, OutputEntry, ParameterEntry, QuantityEntry
+from .toml_tables import ModelTable
 
 
 class ModelFile(Table):
@@ -65,21 +65,14 @@ def load_model(path: str | Path) -> Model:
     """
     path = as_path(path, "path")
     data = read_toml(path)
-    file = validated(ModelFile, {"model": data["model"]} if "model" in data else {}, path, keys_of)
+    file = validated(ModelFile, {"model": data["model"]} if "model" in data else {}, path)
     file.warn_of_units(stacklevel=3)
     return file.build_model()
 
 
 def model_from_toml(text: str) -> Model:
     """The model that `Model.to_toml` wrote."""
-    return validated(ModelFile, parse_toml(text, "model"), "model", keys_of).build_model()
-
-
-def keys_of(place: tuple[str, ...]) -> list[str]:
-    """The keys that the table at this place of a file with a model may have."""
-    in_model: dict[str, type[BaseModel]] = {"constants": ModelConstant, "parameters": ParameterEntry, "outputs": OutputEntry}
-    tables: list[type[BaseModel]] = [ModelFile, ModelTable]
-    return list((tables[len(place)] if len(place) < 2 else in_model.get(place[1], QuantityEntry)).model_fields)
+    return validated(ModelFile, parse_toml(text, "model"), "model").build_model()
 
 
 def _built(table: ModelTable) -> Model:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.formulas import ARGUMENTS, Formula, Reader
+from ..basics.formulas import Formula, Reader
+from ..basics.functions import FUNCTIONS
 from ..basics.messages import shown
 from ..basics.values import Array
 
@@ -73,12 +74,9 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
     "and": lambda *conditions: reduce(np.logical_and, conditions),
     "or": lambda *conditions: reduce(np.logical_or, conditions),
     "not": np.logical_not,
-    **{name: getattr(np, name) for name in ARGUMENTS if hasattr(np, name)},  # but for those that numpy calls otherwise
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
+    **{function.name: function.arrays for function in FUNCTIONS},
     "atan2": np.arctan2,
-    "heaviside": lambda value: np.heaviside(value, 0.0),
+    "where": np.where,
     "min": lambda *values: reduce(np.minimum, values),
     "max": lambda *values: reduce(np.maximum, values),
 }

@@ -55,7 +55,9 @@ _ADVICE = {
     Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
     Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
     Status.grazes_jump: "The trajectory touches a jump along its tangent, and has no derivative: change the start or the duration.",
-    Status.on_jump: "The trajectory starts, rests or ends on a jump, where it has no derivative: change the start, the input or the duration.",
+    Status.on_jump: (
+        "The trajectory starts, rests or ends on a jump, where it has no derivative: change the start, the input or the duration."
+    ),
     Status.two_jumps: "The trajectory meets several jumps at once, and their order matters: change the start, or sample earlier.",
     Status.no_rest: (
         "The run is to start at rest, and there is no rest at these parameters: none, an unstable one, or a whole range of them."

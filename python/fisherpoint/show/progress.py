@@ -1,6 +1,6 @@
-"""A bar for what takes its time, on the terminal and in notebooks.
+"""How far a work is, for a function of the user's, or for a bar on the terminal and in notebooks.
 
-It only shows: where that fails, the work goes on without it. What a function of the user's raises is passed on.
+A bar only shows: where that fails, the work goes on without it. What a function of the user's raises is passed on.
 """
 
 from __future__ import annotations
@@ -10,24 +10,38 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from time import perf_counter
-from typing import Any, NamedTuple, Protocol, TypeVar, cast
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ..basics.extras import needed_for
 
-F = TypeVar("F", bound=Callable[..., None])
-
 WIDTH = 80
 """Characters in a notebook, which has no width of its own."""
 
 
-class Step(NamedTuple):
-    """How far a work is: `done` of `total`, where these are known, and what it does."""
+class Progress(NamedTuple):
+    """How far a function is; what it counts, and what its value is, stands with its argument `progress`.
 
-    done: int = 0
-    total: int | None = None
-    state: str = ""
+    Attributes
+    ----------
+    step : int
+        How many are done.
+    total : int or None
+        How many there are, at most; None where that is not known.
+    value : float or None
+        The number that is improved, at the best so far; None where there is none.
+    message : str
+        What a bar shows: what is being done, and how good it is.
+    seconds : float
+        Since the start.
+    """
+
+    step: int
+    total: int | None
+    value: float | None
+    message: str
+    seconds: float
 
 
 def check_progress(progress: object) -> None:
@@ -42,8 +56,8 @@ def check_progress(progress: object) -> None:
 
 @contextmanager
 def following(
-    progress: bool | F | None, what: str, step: Callable[..., Step], first: str = "", *, counted: bool = True
-) -> Iterator[F | None]:
+    progress: bool | Callable[[Progress], None] | None, what: str, first: str = "", *, counted: bool = True
+) -> Iterator[Callable[[Progress], None] | None]:
     """Function to call with the progress of a work: the given one, one that moves a bar, or None.
 
     Parameters
@@ -52,8 +66,6 @@ def following(
         As `check_progress` takes it.
     what : str
         What is counted, or done.
-    step : callable
-        From what the work reports to what the bar shows.
     first : str
         What it does at first.
     counted : bool
@@ -67,13 +79,13 @@ def following(
         return
     shown = _Shown(_display(what, first, counted))
     try:
-        yield cast(F, lambda *reported: shown.update(step, *reported))
+        yield shown.update
     finally:
         shown.end()
 
 
 class _Display(Protocol):
-    def update(self, now: Step) -> None: ...
+    def update(self, now: Progress) -> None: ...
     def end(self) -> None: ...
 
 
@@ -83,10 +95,10 @@ class _Shown:
     def __init__(self, display: _Display | None) -> None:
         self._display = display
 
-    def update(self, step: Callable[..., Step], *reported: Any) -> None:
+    def update(self, now: Progress) -> None:
         if self._display is not None:
             try:
-                self._display.update(step(*reported))
+                self._display.update(now)
             except Exception:  # of a stream that is closed, or of a library that draws
                 self._display = None
 
@@ -120,26 +132,19 @@ class _Bar:
     """A bar of rich."""
 
     def __init__(self, console: Any, what: str, first: str, counted: bool) -> None:
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            ProgressColumn,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
+        from rich.progress import BarColumn, MofNCompleteColumn, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
 
         columns: list[ProgressColumn] = [TextColumn("{task.description}"), *([MofNCompleteColumn()] if counted else [])]
-        columns += [BarColumn(bar_width=12), TextColumn("{task.fields[state]}", markup=False), TimeElapsedColumn()]
+        columns += [BarColumn(bar_width=12), TextColumn("{task.fields[message]}", markup=False), TimeElapsedColumn()]
         columns += [TimeRemainingColumn()] if counted else []
         # Nothing stays: the result shows what there is to know.
-        self._bar = Progress(*columns, console=console, transient=True, disable=not (console.is_terminal or console.is_jupyter))
-        self._task = self._bar.add_task(what, total=None, state=first)
+        self._bar = Bar(*columns, console=console, transient=True, disable=not (console.is_terminal or console.is_jupyter))
+        self._task = self._bar.add_task(what, total=None, message=first)
         self._bar.start()
 
-    def update(self, now: Step) -> None:
-        self._bar.update(self._task, completed=now.done, total=now.total, state=now.state)
+    def update(self, now: Progress) -> None:
+        self._bar.update(self._task, completed=now.step, total=now.total, message=now.message)
 
     def end(self) -> None:
         self._bar.stop()
@@ -151,11 +156,11 @@ class _Line:
     def __init__(self, what: str) -> None:
         self._what, self._last = what, -np.inf
 
-    def update(self, now: Step) -> None:
+    def update(self, now: Progress) -> None:
         if perf_counter() - self._last >= 1:
             self._last = perf_counter()
-            far = "" if now.total is None else f" {now.done}/{now.total}"
-            self._write(f"{self._what}{far} {now.state}")
+            far = "" if now.total is None else f" {now.step}/{now.total}"
+            self._write(f"{self._what}{far} {now.message}")
 
     def end(self) -> None:
         self._write("")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..basics.checks import as_std, by_name, check_choice, check_flag, check_positive_int, check_type
 from ..basics.messages import listed
@@ -16,7 +16,7 @@ from ..models import Model
 from ..points.runs import Points
 from ..points.settings import check_rtol, resolve_threads
 from ..points.status import NoTrajectory
-from ..show.progress import Step, check_progress, following
+from ..show.progress import Progress, check_progress, following
 from .design_validation import DesignValidation
 from .fits import Estimator, VirtualExperiments, VirtualFits, together
 from .result import Validation
@@ -29,15 +29,6 @@ GROWTH = 8.0
 
 MOST_RUNS = 10**6
 """Virtual experiments with each design, past which they count as a slip."""
-
-
-class ValidationProgress(NamedTuple):
-    """What `validate` has done: virtual experiments with each design of all, those without a fit, of all designs, and seconds."""
-
-    runs: int
-    n_runs: int
-    failed: int
-    seconds: float
 
 
 def validate(
@@ -53,7 +44,7 @@ def validate(
     use_prior: bool = False,
     rtol: float = 1e-9,
     threads: int | None = None,
-    progress: bool | Callable[[ValidationProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> Validation:
     """Measure designs virtually many times, estimate the parameters each time, and compare with what the designs promise.
 
@@ -88,8 +79,8 @@ def validate(
         Tolerance of the fits' trajectories.
     threads : int, optional
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `ValidationProgress` after each
-        part of the runs.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each part of
+        the virtual experiments, of which the message counts those without a fit.
 
     Returns
     -------
@@ -133,7 +124,7 @@ def validate(
         for name, estimator in estimators.items()
         if estimator.promise.determined.any()
     }
-    with following(progress, "virtual experiments", _step) as report:
+    with following(progress, "virtual experiments") as report:
         parts = _parts(experiments, thetas, begin, report)
     made = count if not experiments else len(next(iter(parts.values())).truth)
     validations = {}
@@ -162,10 +153,6 @@ def validate(
     )
 
 
-def _step(now: ValidationProgress) -> Step:
-    return Step(now.runs, now.n_runs, f"{now.failed} failed" if now.failed else "")
-
-
 def _estimator(
     name: str,
     problem: DesignProblem,
@@ -188,7 +175,7 @@ def _parts(
     experiments: Mapping[str, VirtualExperiments],
     thetas: Array,
     begin: float,
-    progress: Callable[[ValidationProgress], None] | None,
+    progress: Callable[[Progress], None] | None,
 ) -> dict[str, VirtualFits]:
     """The fits of every design, all of the same runs, also where Ctrl-C ends them early.
 
@@ -207,7 +194,8 @@ def _parts(
             made = min(made + size, len(thetas))
             failed += sum(int((fits.failure != "").sum()) for fits in part.values())
             if progress is not None:
-                progress(ValidationProgress(made, len(thetas), failed, perf_counter() - begin))
+                message = f"{failed} failed" if failed else ""
+                progress(Progress(made, len(thetas), None, message, perf_counter() - begin))
             seconds = perf_counter() - start
             size = max(1, int(size * min(GROWTH, max(1 / GROWTH, SECONDS / max(seconds, 1e-9)))))
     except KeyboardInterrupt:

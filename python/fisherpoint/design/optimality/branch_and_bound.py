@@ -9,7 +9,6 @@ fine grid are as good as each other, so that the counts of single ones say littl
 from __future__ import annotations
 
 import heapq
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -36,15 +35,6 @@ REPORTED = 50
 
 SOLVED = 0.02
 """Tolerance of the relaxed problem, as a share of the distance from the best design."""
-
-
-class ExactProgress(NamedTuple):
-    """What `exact` reports while it runs: nodes that are done and that are open, the proven efficiency, and the seconds so far."""
-
-    nodes: int
-    open: int
-    efficiency: float
-    seconds: float
 
 
 class _Group(NamedTuple):
@@ -82,7 +72,7 @@ class BranchAndBound:
 
     def __post_init__(self) -> None:
         self.value = self._log_phi(self.counts)
-        self._started, self._pushed, self._doing = time.perf_counter(), 0, -np.inf
+        self._pushed, self._doing = 0, -np.inf
         self._limits = np.array([(part.first, part.end) for part in self.parts], dtype=np.intp).reshape(-1, 2)
         self._places = {(part.first, part.end): k for k, part in enumerate(self.parts)}
         self._distances = np.array([part.distance for part in self.parts])
@@ -102,9 +92,12 @@ class BranchAndBound:
         bound: float,
         max_nodes: int,
         late: Callable[[], bool],
-        progress: Callable[[ExactProgress], None] | None,
+        report: Callable[[int, int, float], None],
     ) -> StopReason:
-        """Search a box with a known bound until nothing is open, or something ends it, and return the reason."""
+        """Search a box with a known bound until nothing is open, or something ends it, and return the reason.
+
+        `report` is called with nodes that are done, nodes that are open, and the proven efficiency.
+        """
         self._doing = bound
         try:
             inside = box.tightened(self.relaxation.n)
@@ -121,8 +114,8 @@ class BranchAndBound:
                 _, _, of, start = heapq.heappop(self._open)
                 self.nodes += 1
                 self._node(self._doing, of, start)
-                if progress is not None and self.nodes % REPORTED == 1:
-                    progress(ExactProgress(self.nodes, len(self._open), self.efficiency, time.perf_counter() - self._started))
+                if self.nodes % REPORTED == 1:
+                    report(self.nodes, len(self._open), self.efficiency)
         except KeyboardInterrupt:
             return StopReason.interrupted
         self._doing = -np.inf

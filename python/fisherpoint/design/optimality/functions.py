@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...basics.formulas import Formula, Reader
+from ...basics.functions import FUNCTIONS, Function
 from ...basics.values import Array
 
 
@@ -53,8 +55,38 @@ class _Derivative(Reader):
         return _RULES[how](*values)
 
 
-def _of_one(value: Callable[[float], float], slope: Callable[[float], float]) -> Callable[[_Number], _Number]:
-    return lambda a: _Number(value(a.value), slope(a.value) * a.gradient)
+class _Value(Reader):
+    """A formula of numbers, such as a slope."""
+
+    def number(self, node: ast.expr, value: float) -> Any:
+        return float(value)
+
+    def combined(self, node: ast.expr, how: str, *values: Any) -> Any:
+        return _VALUES[how](*values)
+
+
+_VALUES: dict[str, Callable[..., Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "negative": operator.neg,
+    ">": operator.gt,
+    "where": lambda condition, a, b: a if condition else b,
+    **{function.name: function.value for function in FUNCTIONS},
+}
+
+
+def _of_one(function: Function) -> Callable[[_Number], _Number]:
+    slope = Formula(function.slope, "slope")
+
+    def of_one(a: _Number) -> _Number:
+        if function.at_zero and not a.value:
+            raise ZeroDivisionError
+        y = function.value(a.value)
+        return _Number(y, _Value(slope, {"x": a.value, "y": y}).term() * a.gradient)
+
+    return of_one
 
 
 def _power(a: _Number, b: _Number) -> _Number:
@@ -79,18 +111,6 @@ _RULES: dict[str, Callable[..., _Number]] = {
     "/": lambda a, b: _Number(a.value / b.value, (a.gradient - a.value / b.value * b.gradient) / b.value),
     "**": _power,
     "negative": lambda a: _Number(-a.value, -a.gradient),
-    "sqrt": _of_one(math.sqrt, lambda x: 0.5 / math.sqrt(x)),
-    "exp": _of_one(math.exp, math.exp),
-    "log": _of_one(math.log, lambda x: 1 / x),
-    "sin": _of_one(math.sin, math.cos),
-    "cos": _of_one(math.cos, lambda x: -math.sin(x)),
-    "tan": _of_one(math.tan, lambda x: 1 + math.tan(x) ** 2),
-    "asin": _of_one(math.asin, lambda x: 1 / math.sqrt(1 - x * x)),
-    "acos": _of_one(math.acos, lambda x: -1 / math.sqrt(1 - x * x)),
-    "atan": _of_one(math.atan, lambda x: 1 / (1 + x * x)),
-    "sinh": _of_one(math.sinh, math.cosh),
-    "cosh": _of_one(math.cosh, math.sinh),
-    "tanh": _of_one(math.tanh, lambda x: 1 - math.tanh(x) ** 2),
-    "abs": _of_one(abs, lambda x: x / abs(x)),
+    **{function.name: _of_one(function) for function in FUNCTIONS if function.slope},
     "atan2": _atan2,
 }

@@ -11,6 +11,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any
 
 from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choice, check_flag, check_name, check_type
+from ...basics.options import Options
 from ...points.experiments import Experiments
 from ...prior.rules import Sobol
 from ..option import Key, option
@@ -63,7 +64,7 @@ UNABLE: Mapping[str, Mapping[str, str]] = {
 
 
 @dataclass(frozen=True)
-class Goal:
+class Goal(Options):
     """What a design is to be good for.
 
     Parameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...basics.checks import as_std, by_name, check_choice, check_type, some_names_among
+from ...basics.options import with_options
 from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.evaluation import Evaluation
@@ -20,6 +21,7 @@ from .goal import Goal, goal_of
 from .variance import Variance
 
 
+@with_options
 def criterion(problem: DesignProblem, goal: str | Goal = "D", *, threads: int | None = None) -> Criterion:
     """A criterion of optimality as a function of Fisher information, with its derivative and efficiency.
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...basics.checks import check_positive_int, check_type
+from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
 from ...data.pieces import Pieces
@@ -17,17 +18,18 @@ from ...information.null_space import column_scaled_svd, null_directions, withou
 from ...information.output_covariance import output_covariance
 from ...information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
 from ...information.problem import DesignProblem
-from ...show.progress import check_progress, following
+from ...show.progress import Progress, check_progress, following
 from ..optimality.goal import Goal, goal_of
 from .disjoint import Windows
 from .packed import Packed
 from .piece_design import PieceDesign
-from .piece_search import PieceProgress, PieceSearch, piece_step
+from .piece_search import PieceSearch
 
 RANDOM_CHOICES = 200
 """Number of random choices of windows; the report shows their median."""
 
 
+@with_options
 def best_pieces(
     problem: DesignProblem,
     pieces: Pieces,
@@ -36,7 +38,7 @@ def best_pieces(
     goal: str | Goal = "D",
     seed: int = 0,
     threads: int | None = None,
-    progress: bool | Callable[[PieceProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> PieceDesign:
     """Find the windows of a record that share no sample and have the largest det F together.
 
@@ -61,8 +63,8 @@ def best_pieces(
     threads : int, optional
         Default: every core.
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `PieceProgress` when all
-        windows are weighed, and after each exchange.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` when all windows are
+        weighed, and after each exchange; its value is log det less the bound of all choices, -inf while F is singular.
 
     Returns
     -------
@@ -83,7 +85,7 @@ def best_pieces(
     count, seed = check_positive_int(n_pieces, "n_pieces"), check_positive_int(seed, "seed", 0)
     problem = piece_problem(problem, pieces)
     _refuse_more(count, Windows(pieces.first, pieces.length))
-    with following(progress, "picking pieces", piece_step, "weighing all windows", counted=False) as heard:
+    with following(progress, "picking pieces", "weighing all windows", counted=False) as heard:
         information = piece_information(problem, pieces, threads)
         if not len(information.rows):
             reasons = ", ".join(f"{reason} {lost}" for reason, lost in information.left_out.items())

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...show.numbers import computed, counted
-from ...show.progress import Step
+from ...show.progress import Progress
 from .disjoint import Places, Windows
 from .packed import Packed
 
@@ -37,19 +36,6 @@ SINGULAR = 1e-13
 
 RIDGE = 1e-9
 """Ridge added while the chosen windows leave M singular, as a share of the information of all windows."""
-
-
-class PieceProgress(NamedTuple):
-    """What `best_pieces` has done: exchanges; how far log det is from its bound, infinite while F is singular; and seconds."""
-
-    exchanges: int
-    gap: float
-    seconds: float
-
-
-def piece_step(now: PieceProgress) -> Step:
-    gap = f", {computed(now.gap, 3)} below the bound" if np.isfinite(now.gap) else ""
-    return Step(state=f"{counted(now.exchanges, 'exchange')}{gap}")
 
 
 class PieceSearch:
@@ -103,12 +89,15 @@ class PieceSearch:
         gradient = self._packing.gradient(self._total(self.chosen))
         return np.asarray(self._f[self.chosen] @ gradient / self._packing.p)
 
-    def run(self, progress: Callable[[PieceProgress], None] | None = None, started: float = 0.0) -> StopReason:
+    def run(self, progress: Callable[[Progress], None] | None = None, started: float = 0.0) -> StopReason:
         """Search until something ends it, and return why."""
 
         def report() -> None:
             if progress is not None:
-                progress(PieceProgress(self.exchanges, max(0.0, self.bound - self._value), perf_counter() - started))
+                gap = max(0.0, self.bound - self._value)
+                below = f", {computed(gap, 3)} below the bound" if np.isfinite(gap) else ""
+                message = f"{counted(self.exchanges, 'exchange')}{below}"
+                progress(Progress(self.exchanges, None, -gap, message, perf_counter() - started))
 
         try:
             self._weigh(self._f.sum(axis=0) * (self.count / len(self._f)) + self._known)

@@ -19,7 +19,8 @@ from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...points.experiments import Experiments
-from .point_search import Incumbent, Progress
+from ...show.progress import Progress
+from .point_search import Incumbent
 from .pool import Pool, far_apart
 from .pool_search import PoolSearch
 from .replicates import with_copies

@@ -19,6 +19,7 @@ from ...information.point_information import PointInformation
 from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
+from ...show.progress import Progress
 from ..average import Average
 from ..efficiency import Efficiency
 from ..found import FoundDesign, TraceRecord
@@ -39,18 +40,6 @@ compared. Reports say where it was."""
 
 SAMPLE = 200
 """Random points used to check whether another design would determine more parameters."""
-
-
-class Progress(NamedTuple):
-    """What the search reports after each iteration; `log_det` is what is maximised, as in `TraceRecord`."""
-
-    iteration: int
-    max_iterations: int
-    log_det: float
-    exchanges: int
-    drawn: int
-    rejected: int
-    seconds: float
 
 
 class Incumbent(NamedTuple):
@@ -130,18 +119,17 @@ class PointSearch:
 
     def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         """Search until something ends it, and return why."""
-        settings, exchanges, idle = self.settings, 0, 0
+        settings, idle = self.settings, 0
         try:
             for iteration in range(1, settings.max_iterations + 1):
                 exchanged = self._advance(iteration)
                 if exchanged is None:
                     return StopReason.converged
-                exchanges += exchanged
                 idle = 0 if exchanged else idle + 1
                 self._record(iteration, exchanged)
                 if progress is not None:
-                    candidates = self.source.drawn, self.source.rejected.total()
-                    progress(Progress(iteration, settings.max_iterations, self.best.log_det, exchanges, *candidates, self.seconds))
+                    most, seconds = settings.max_iterations, self.seconds
+                    progress(Progress(iteration, most, self.best.log_det, self._message(iteration, seconds), seconds))
                 if settings.method.patience is not None and idle >= settings.method.patience:
                     return StopReason.patience
                 if self._late():
@@ -149,6 +137,13 @@ class PointSearch:
         except KeyboardInterrupt:
             return StopReason.interrupted
         return StopReason.max_iterations
+
+    def _message(self, iteration: int, seconds: float) -> str:
+        if iteration == self.settings.max_iterations:
+            return "proving how good it is"
+        what = "log det" if self.settings.goal.criterion == "D" else "log of the criterion"
+        rate = self.source.drawn / seconds if seconds > 0 else 0.0
+        return f"{what} {self.best.log_det:.3f}, {rate:.0f} points/s"
 
     def _advance(self, iteration: int) -> bool | None:
         """One iteration: whether the best design is another one after it; None where nothing is left to try."""

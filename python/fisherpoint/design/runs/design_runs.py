@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...basics.checks import check_type
-from ...basics.messages import listed
+from ...basics.messages import listed, stacklevel_of_user
+from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
 from ...information.combinations import combinations
@@ -24,7 +25,7 @@ from ...information.run_information import checked_problem, information_matrices
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...points.settings import resolve_threads
-from ...show.progress import Step, check_progress, following
+from ...show.progress import Progress, check_progress, following
 from ..average import Average
 from ..found import DRAWS, UNSEEN
 from ..optimality.goal import Goal, goal_of
@@ -36,9 +37,10 @@ from .run_clock import Clock
 from .run_design import RunDesign
 from .run_pool import RIDGE
 from .run_references import ClassicalRuns
-from .run_search import RunProgress, RunSearch
+from .run_search import RunSearch
 
 
+@with_options
 def design_runs(
     problem: DesignProblem,
     n_runs: int = 1,
@@ -51,7 +53,7 @@ def design_runs(
     seed: int = 0,
     time_limit: float | None = None,
     threads: int | None = None,
-    progress: bool | Callable[[RunProgress], None] | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> RunDesign:
     """Find the runs with the largest det F, or the best by another criterion, that enough of the prior's plants can run.
 
@@ -85,8 +87,8 @@ def design_runs(
     threads : int, optional
         Default: every core.
     progress : bool or callable, optional
-        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `RunProgress` after each turn
-        of a start.
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each turn of a
+        start, with how many have begun; its value is the log det of the best runs so far.
 
     Returns
     -------
@@ -120,14 +122,14 @@ def design_runs(
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
-        warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=2)
+        warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=stacklevel_of_user())
     there = np.array([_known_there(moved, problem, known, previous, threads) for moved in problems])
     kept = None
     if keep is not None:
         kept = _kept(keep, region, settings.n_runs)
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     there = there + prior_information(problem, goal.prior_information)
-    with following(progress, "start", _step, "drawing the first runs") as report:
+    with following(progress, "start", "drawing the first runs") as report:
         search = RunSearch(
             problem,
             region,
@@ -277,8 +279,3 @@ def _matrix(problem: DesignProblem, information: PointInformation, threads: int)
     rows, measured = information.sensitivity, information.measured
     rows = rows if measured is None else np.where(measured[:, :, None], rows, 0.0)
     return np.asarray(information_matrices(problem, rows[None])[0])
-
-
-def _step(now: RunProgress) -> Step:
-    """What a bar shows."""
-    return Step(now.start, now.n_starts, f"log det {now.log_det:.3f}, best {now.best:.3f}")

@@ -11,7 +11,6 @@ Its work is counted in starts and iterations, so that it finds the same on every
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
 from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
+from ...show.progress import Progress
 from ..average import Average
 from ..optimality.criteria import Criterion
 from ..optimality.estimability import RUNS, restricted_criteria
@@ -59,16 +59,6 @@ LOOKED_AT = 5
 
 SHARES_OF_TIME = (0.2, 0.3, 0.6)
 """Shares of the time limit at which the pool, the classical runs, and the race of starts have to end."""
-
-
-class RunProgress(NamedTuple):
-    """What the search reports after each turn of a start: how many have begun, its log det F, the best one so far, and seconds."""
-
-    start: int
-    n_starts: int
-    log_det: float
-    best: float
-    seconds: float
 
 
 class RunSearch:
@@ -162,7 +152,7 @@ class RunSearch:
         runs = self.coordinates.runs(z)
         return runs if selected is None else runs.measuring(selected)
 
-    def run(self, progress: Callable[[RunProgress], None] | None) -> StopReason:
+    def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         """Search to the end, or until it is late or interrupted; there are runs then in any case."""
         reason = StopReason.completed
         try:
@@ -203,12 +193,13 @@ class RunSearch:
             return True
         return all(self.guard.enough(share) for share in self.guard.each(self.pool.best(LOOKED_AT)))
 
-    def _climb(self, progress: Callable[[RunProgress], None] | None) -> None:
+    def _climb(self, progress: Callable[[Progress], None] | None) -> None:
         """Race the best starts, and follow the winner to its end, and from there."""
 
         def report(one: Climb) -> None:
             if progress is not None and one.last is not None:
-                progress(RunProgress(len(self.ends), self.n_starts, one.last.value, self.best.value, self.clock.seconds))
+                message = f"log det {one.last.value:.3f}, best {self.best.value:.3f}"
+                progress(Progress(len(self.ends), self.n_starts, self.best.value, message, self.clock.seconds))
 
         starts = [self.pool.chosen(self.n_runs, self._rng) for _ in range(self.n_starts)]
         starts += [found.z for found in self.classical.values()]

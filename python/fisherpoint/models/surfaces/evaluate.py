@@ -15,6 +15,7 @@ import sympy
 
 from ..tape.branch import Select
 from ..tape.defined import Defined
+from ..tape.kinds import KINDS
 from ..tape.parts import parts
 
 
@@ -61,8 +62,7 @@ _COMPUTE: dict[Any, Callable[..., Any]] = {
     sympy.Add: lambda *terms: sum(terms),
     sympy.Mul: lambda *factors: reduce(lambda a, b: a * b, factors),
     sympy.Pow: _power,
-    **{getattr(sympy, name): getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    **{getattr(sympy, f"a{name}"): getattr(np, f"arc{name}") for name in ("sin", "cos", "tan")},
+    **{kind: function.arrays for kind, function in KINDS.items() if not function.at_zero},
     sympy.atan2: _atan2,
     sympy.sign: lambda a: np.sign(np.real(a)),
     sympy.Abs: lambda a: a * np.sign(np.real(a)),

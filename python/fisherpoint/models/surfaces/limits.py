@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from ..tape.kinds import KINDS, expression_of
 from ..tape.parts import symbols_of
 from .zeros import normal_form
 
@@ -26,12 +27,10 @@ def limits_of(part: Any, origin: Mapping[Any, Any]) -> Sequence[tuple[Any, Any, 
         if isinstance(argument, sympy.Abs) and (not part.exp.is_number or part.exp > 0):
             return ()
         return [(argument, written, False)]
-    if isinstance(part, sympy.log):
-        return [(argument, written, False)]
-    if isinstance(part, sympy.asin | sympy.acos):
-        return [(1 - argument, 1 - written, False), (1 + argument, 1 + written, False)]
-    if isinstance(part, sympy.tan):
-        return [(sympy.cos(argument), sympy.cos(written), True)]
+    if part.func in KINDS:
+        function = KINDS[part.func]
+        limits = [*((text, False) for text in function.positive), *((text, True) for text in function.nonzero)]
+        return [(expression_of(text, argument), expression_of(text, written), pole) for text, pole in limits]
     if isinstance(part, sympy.atan2):
         # Off the negative x axis, where it jumps, and off the origin.
         pairs = zip(part.args, (origin.get(other, other) for other in part.args), strict=True)

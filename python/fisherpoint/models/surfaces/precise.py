@@ -10,7 +10,9 @@ from typing import Any
 import mpmath
 import sympy
 
+from ...basics.functions import Function
 from ..tape.branch import Select
+from ..tape.kinds import KINDS
 from ..tape.parts import parts
 
 DIGITS = 60
@@ -153,6 +155,11 @@ def _bounded(function: Callable[[Value], Value]) -> Callable[[Value], Value]:
     return lambda value: function(value) if abs(value) < _LARGE else None
 
 
+def _digits_of(function: Function) -> Callable[[Value], Value]:
+    value: Callable[[Value], Value] = getattr(digits, function.name)
+    return _bounded(value) if function.slow_far_out else value
+
+
 def _log(value: Value) -> Value:
     return None if value == 0 else digits.log(value)
 
@@ -173,8 +180,7 @@ _OPERATIONS: dict[Any, Callable[..., Value]] = {
     sympy.Add: lambda *terms: reduce(add, terms),
     sympy.Mul: lambda *factors: reduce(mul, factors),
     sympy.Pow: _power,
-    **{getattr(sympy, name): _bounded(getattr(digits, name)) for name in ("exp", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    **{getattr(sympy, name): getattr(digits, name) for name in ("asin", "acos", "atan")},
+    **{kind: _digits_of(function) for kind, function in KINDS.items() if not function.at_zero},
     sympy.log: _log,
     sympy.atan2: _atan2,
     Select: _select,

@@ -13,7 +13,7 @@ import sympy
 from ...basics.values import Array
 from ..tape.defined import Defined, value_of
 from ..tape.parts import parts, reads, symbols_of
-from ..tape.programs import Programs, build_programs
+from ..tape.programs import Programs, Surfaces, build_programs
 from ..tape.reset import Reset
 from .branches import Branches, Surface
 from .domain import Domain, Limit
@@ -142,23 +142,18 @@ class Structure:
     def programs(self) -> Programs:
         """All programs of the model."""
         equations = self.equations
-        return build_programs(
-            self.rates,
-            self.output,
-            [*(surface.expression for surface in self.surfaces), *(limit.expression for limit in self.limits)],
-            equations.states,
-            equations.inputs,
-            equations.parameters,
-            [surface.side for surface in self.surfaces],
-            equations.constants,
-            sum(limit.pole for limit in self.limits),
-            sum(limit.measured for limit in self.limits),
-            [surface.crossable for surface in self.surfaces if surface.jump],
-            self.rough(),
-            steep_ones(self.surfaces, self.rates),
-            [limit.closed for limit in self.limits if not limit.pole and not limit.measured],
-            self.resets,
+        surfaces = Surfaces(
+            values=[*(surface.expression for surface in self.surfaces), *(limit.expression for limit in self.limits)],
+            sides=[surface.side for surface in self.surfaces],
+            poles=sum(limit.pole for limit in self.limits),
+            measured=sum(limit.measured for limit in self.limits),
+            crossable=[surface.crossable for surface in self.surfaces if surface.jump],
+            rough=self.rough(),
+            steep=steep_ones(self.surfaces, self.rates),
+            closed=[limit.closed for limit in self.limits if not limit.pole and not limit.measured],
         )
+        of = equations.states, equations.inputs, equations.parameters
+        return build_programs(self.rates, self.output, surfaces, *of, constants=equations.constants, resets=self.resets)
 
 
 def steep_ones(surfaces: Sequence[Surface], rates: Sequence[Any]) -> list[bool]:

@@ -6,7 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import reduce
 
+from ...basics.functions import FUNCTIONS
 from .graph import STAGE, Graph
+from .node_of import node_of
 
 Tangent = dict[int, tuple[int, int]]
 """A node's derivatives by variable. A derivative is a product scale * seed that is not yet formed: what follows multiplies the
@@ -159,17 +161,11 @@ def _half_power(graph: Graph, tangents: Mapping[int, Tangent], negative: bool, b
     return _scale(graph, tangents.get(base, {}), graph.signed(negative, slope))
 
 
-def _by_slope(slope: Callable[[Graph, int, int], int]) -> Rule:
-    """Rule of a function of one argument with a slope that may use its value."""
-    return lambda graph, node, parts: _scale(graph, parts[0], slope(graph, graph.operands[node][0], node))
-
-
-def _square(g: Graph, a: int) -> int:
-    return g.mul(a, a)
-
-
-def _root_slope(g: Graph, a: int) -> int:  # 1 / sqrt(1 - a^2), as a product: no cancellation near |a| = 1
-    return g.div(g.one, g.call("sqrt", g.mul(g.sub(g.one, a), g.add(g.one, a))))
+def _by_slope(slope: str) -> Rule:
+    """Rule of a function of one argument with a slope, a formula of its argument x and its value y."""
+    if not slope:
+        return lambda *_: {}
+    return lambda graph, node, parts: _scale(graph, parts[0], node_of(graph, slope, x=graph.operands[node][0], y=node))
 
 
 _RULES: dict[str, Rule] = {
@@ -178,21 +174,8 @@ _RULES: dict[str, Rule] = {
     "mul": _mul,
     "div": _div,
     "neg": lambda graph, _, parts: _negated(graph, parts[0]),
-    "sqrt": _by_slope(lambda g, _, y: g.div(g.literal(0.5), y)),
-    "exp": _by_slope(lambda _, __, y: y),
-    "log": _by_slope(lambda g, a, _: g.div(g.one, a)),
-    "sin": _by_slope(lambda g, a, _: g.call("cos", a)),
-    "cos": _by_slope(lambda g, a, _: g.neg(g.call("sin", a))),
-    "tan": _by_slope(lambda g, _, y: g.add(g.one, _square(g, y))),
-    "asin": _by_slope(lambda g, a, _: _root_slope(g, a)),
-    "acos": _by_slope(lambda g, a, _: g.neg(_root_slope(g, a))),
-    "atan": _by_slope(lambda g, a, _: g.div(g.one, g.add(g.one, _square(g, a)))),
-    "sinh": _by_slope(lambda g, a, _: g.call("cosh", a)),
-    "cosh": _by_slope(lambda g, a, _: g.call("sinh", a)),
-    "tanh": _by_slope(lambda g, _, y: g.sub(g.one, _square(g, y))),
+    **{function.name: _by_slope(function.slope) for function in FUNCTIONS if not function.built},
     "pow": _pow,
-    "abs": _by_slope(lambda g, a, _: g.select(a, g.one, g.neg(g.one))),
-    "sign": lambda *_: {},
     "min": lambda graph, node, parts: _select(graph, graph.sub(*graph.operands[node][::-1]), *parts),
     "max": lambda graph, node, parts: _select(graph, graph.sub(*graph.operands[node]), *parts),
     "select": lambda graph, node, parts: _select(graph, graph.operands[node][0], *parts[1:]),

@@ -10,9 +10,12 @@ from typing import Any
 import sympy
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
+from ...basics.functions import Function
 from .branch import Select
 from .graph import Graph
 from .groups import product_of, sum_of
+from .kinds import KINDS
+from .node_of import node_of
 
 
 def nodes_of(graph: Graph, expressions: Sequence[Any], symbols: Mapping[Any, int]) -> list[int]:
@@ -102,19 +105,19 @@ def _all_in_turn(operation: Callable[[Graph, int, int], int]) -> Callable[..., i
     return lambda graph, *operands: reduce(partial(operation, graph), operands)
 
 
-def _function(name: str) -> Callable[[Graph, int], int]:
-    return lambda graph, a: graph.call(name, a)
+def _function(function: Function) -> Callable[..., int]:
+    """What makes the node of a function; SymPy's step has a second argument, its value at zero."""
+    if function.built:
+        return lambda graph, a, *_: node_of(graph, function.built, x=a)
+    return lambda graph, a: graph.call(function.name, a)
 
 
 _BUILDERS: dict[Any, Callable[..., int]] = {
     sympy.Add: lambda graph, *terms: sum_of(graph, terms),
     sympy.Mul: lambda graph, *factors: product_of(graph, factors),
     sympy.Pow: Graph.pow,
-    **{getattr(sympy, name): _function(name) for name in ("exp", "log", "sin", "cos", "tan", "asin", "acos", "atan")},
-    **{getattr(sympy, name): _function(name) for name in ("sinh", "cosh", "tanh", "sign")},
+    **{kind: _function(function) for kind, function in KINDS.items()},
     sympy.atan2: _atan2,
-    sympy.Abs: _function("abs"),
-    sympy.Heaviside: lambda graph, a, _: graph.select(a, graph.one, graph.zero),
     sympy.Min: _all_in_turn(Graph.min),
     sympy.Max: _all_in_turn(Graph.max),
     Select: Graph.select,

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ...basics.functions import FUNCTIONS
+
 
 @dataclass(frozen=True)
 class Operation:
@@ -22,6 +24,8 @@ def _select(condition: Any, positive: Any, other: Any) -> Any:
     return np.where(np.asarray(condition) > 0, positive, other)
 
 
+_IN_CORE = [function for function in FUNCTIONS if not function.built]
+
 TABLE = (  # an operation's place is its code in the core
     Operation("add", 2, np.add),
     Operation("sub", 2, np.subtract),
@@ -31,21 +35,9 @@ TABLE = (  # an operation's place is its code in the core
     Operation("mul_add", 3, lambda a, b, c: a * b + c),
     Operation("mul_sub", 3, lambda a, b, c: a * b - c),
     Operation("sub_mul", 3, lambda a, b, c: c - a * b),
-    Operation("sqrt", 1, np.sqrt),
-    Operation("exp", 1, np.exp),
-    Operation("log", 1, np.log),
-    Operation("sin", 1, np.sin),
-    Operation("cos", 1, np.cos),
-    Operation("tan", 1, np.tan),
-    Operation("asin", 1, np.arcsin),
-    Operation("acos", 1, np.arccos),
-    Operation("atan", 1, np.arctan),
-    Operation("sinh", 1, np.sinh),
-    Operation("cosh", 1, np.cosh),
-    Operation("tanh", 1, np.tanh),
+    *(Operation(one.name, 1, one.arrays) for one in _IN_CORE if not one.at_zero),
     Operation("pow", 2, np.power),
-    Operation("abs", 1, np.abs),
-    Operation("sign", 1, np.sign),
+    *(Operation(one.name, 1, one.arrays) for one in _IN_CORE if one.at_zero),
     Operation("min", 2, np.minimum),
     Operation("max", 2, np.maximum),
     Operation("select", 3, _select),
@@ -53,7 +45,7 @@ TABLE = (  # an operation's place is its code in the core
 OPERATIONS = {operation.name: operation for operation in TABLE}
 CODES = {operation.name: code for code, operation in enumerate(TABLE)}
 COMMUTATIVE = frozenset({"add", "mul", "min", "max"})
-ODD = frozenset({"sin", "tan", "asin", "atan", "sinh", "tanh", "sign"})
-PARTIAL = frozenset({"div", "sqrt", "log", "exp", "sinh", "cosh", "tan", "asin", "acos", "pow"})
+ODD = frozenset(one.name for one in _IN_CORE if one.symmetry == "odd")
+PARTIAL = frozenset({"div", "pow", *(one.name for one in _IN_CORE if one.partial)})
 """Operations without a finite value everywhere: a product of one and zero may be NaN."""
-EVEN = frozenset({"cos", "cosh", "abs"})
+EVEN = frozenset(one.name for one in _IN_CORE if one.symmetry == "even")

@@ -99,37 +99,17 @@ class Programs:
     reset_levels: tuple[bool, ...]
 
 
-def build_programs(
-    rates: Sequence[Any],
-    output: Sequence[Any],
-    surfaces: Sequence[Any],
-    states: Sequence[Any],
-    inputs: Sequence[Any],
-    parameters: Sequence[Any],
-    sides: Sequence[Any] = (),
-    constants: Mapping[Any, float] | None = None,
-    poles: int = 0,
-    measured: int = 0,
-    crossable: Sequence[bool] = (),
-    rough: Sequence[bool] = (),
-    steep: Sequence[bool] = (),
-    closed: Sequence[bool] = (),
-    resets: Sequence[Reset] = (),
-) -> Programs:
-    """Programs of x' = f(x, u, theta), y = g(x, u, theta).
+@dataclass(frozen=True)
+class Surfaces:
+    """Jumps and kinks of f, and limits of the domain of f and g.
 
-    Parameters
+    Attributes
     ----------
-    rates, output : sequence of sympy.Expr
-        f, one for each state, and g.
-    surfaces : sequence of sympy.Expr
+    values : sequence of sympy.Expr
         What is zero on jumps and kinks, in the order of `sides`, where a side is the sign of its surface's value; then what must
         stay positive, where it is the side on which the trajectory runs.
-    states, inputs, parameters : sequence of sympy.Symbol
     sides : sequence of sympy.Symbol
         For each jump and kink the symbol that stands for the side it is on, +1 or -1, in the branches of f.
-    constants : mapping from sympy.Symbol to float
-        Known constants.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
     measured : int
@@ -142,6 +122,38 @@ def build_programs(
         For each, whether derivatives of f have no bounds there; none for nowhere. Such kinks come before others.
     closed : sequence of bool
         Of each domain limit that is no pole and not measured, whether f has a value where it is zero; none for nowhere.
+    """
+
+    values: Sequence[Any] = ()
+    sides: Sequence[Any] = ()
+    poles: int = 0
+    measured: int = 0
+    crossable: Sequence[bool] = ()
+    rough: Sequence[bool] = ()
+    steep: Sequence[bool] = ()
+    closed: Sequence[bool] = ()
+
+
+def build_programs(
+    rates: Sequence[Any],
+    output: Sequence[Any],
+    surfaces: Surfaces,
+    states: Sequence[Any],
+    inputs: Sequence[Any],
+    parameters: Sequence[Any],
+    constants: Mapping[Any, float] | None = None,
+    resets: Sequence[Reset] = (),
+) -> Programs:
+    """Programs of x' = f(x, u, theta), y = g(x, u, theta).
+
+    Parameters
+    ----------
+    rates, output : sequence of sympy.Expr
+        f, one for each state, and g.
+    surfaces : Surfaces
+    states, inputs, parameters : sequence of sympy.Symbol
+    constants : mapping from sympy.Symbol to float
+        Known constants.
     resets : sequence of Reset
         Where states are set anew: what becomes positive, of sides, states with what they are set to, and whether it counts at a
         start too.
@@ -152,8 +164,8 @@ def build_programs(
         For lengths that do not fit, too many states, parameters or surfaces, an output that reads a side, and what cannot be
         expressed: an unknown symbol or function.
     """
-    constants = constants or {}
-    _check(rates, surfaces, states, parameters, sides, poles)
+    constants, sides = constants or {}, surfaces.sides
+    _check(rates, surfaces, states, parameters)
     leaves = Leaves(len(parameters), len(inputs), len(states), len(sides))
     graph = Graph(leaves)
     symbols = dict(zip([*parameters, *inputs, *states, *sides], range(leaves.dx.start), strict=True))
@@ -161,19 +173,19 @@ def build_programs(
     if len(symbols) < leaves.dx.start + len(constants):
         raise ValueError("symbols: expected each to be one of states, inputs, parameters, sides and constants, given one twice")
     f, g = (nodes_of(graph, expressions, symbols) for expressions in (rates, output))
-    h = _by_value(graph, surfaces, sides, symbols)
+    h = _by_value(graph, surfaces.values, sides, symbols)
     for i, node in enumerate(g):
         if _reads_any(graph, node, leaves.side):
             raise ValueError(f"output: expected no side of a surface, given {output[i]}")
 
     anew = _Resets(graph, resets, symbols, h[: len(sides)])
     variables = [*_reached(graph, f, h[: len(sides)], anew), *leaves.theta]
-    jumps = len(crossable)
+    jumps = len(surfaces.crossable)
     through = [_read_through(graph, node, h[:jumps]) | anew.read_through(i, node) for i, node in enumerate(f)]
     state_entries, state_nodes = _entries(graph, f, leaves.x)
     rate_entries, rate_nodes = _entries(graph, f, variables, through)
     output_entries, output_nodes = _entries(graph, g, variables)
-    watched = jumps + sum(steep[jumps:])
+    watched = jumps + sum(surfaces.steep[jumps:])
     jump_entries, jump_nodes = _entries(graph, h[:watched], [*leaves.x, *leaves.theta])
     reset_entries, reset_nodes = _entries(graph, anew.values, variables)
     return Programs(
@@ -192,12 +204,12 @@ def build_programs(
         varying_states=tuple(leaf in variables for leaf in leaves.x),
         varying_outputs=tuple(_reads_any(graph, node, variables) for node in g),
         varying_surfaces=tuple(_reads_any(graph, node, variables) for node in h[: len(sides)]),
-        crossable=tuple(crossable),
-        rough=tuple(rough) or (False,) * len(sides),
-        steep=tuple(steep) or (False,) * len(sides),
-        closed=tuple(closed) or (False,) * (len(surfaces) - len(sides) - poles - measured),
-        poles=poles,
-        measured=measured,
+        crossable=tuple(surfaces.crossable),
+        rough=tuple(surfaces.rough) or (False,) * len(sides),
+        steep=tuple(surfaces.steep) or (False,) * len(sides),
+        closed=tuple(surfaces.closed) or (False,) * (len(surfaces.values) - len(sides) - surfaces.poles - surfaces.measured),
+        poles=surfaces.poles,
+        measured=surfaces.measured,
         reset_count=len(resets),
         resets=schedule(graph, anew.conditions + anew.values),
         reset_jacobian=schedule(graph, anew.values + reset_nodes),
@@ -255,19 +267,13 @@ def _through_sides(graph: Graph, node: int, switching: Sequence[int]) -> int:
     return reduce(or_, (graph.reads[surface] for side, surface in sides if graph.reads[node] >> side & 1), bits)
 
 
-def _check(
-    rates: Sequence[Any],
-    surfaces: Sequence[Any],
-    states: Sequence[Any],
-    parameters: Sequence[Any],
-    sides: Sequence[Any],
-    poles: int,
-) -> None:
+def _check(rates: Sequence[Any], surfaces: Surfaces, states: Sequence[Any], parameters: Sequence[Any]) -> None:
+    values, sides, poles = surfaces.values, surfaces.sides, surfaces.poles
     if len(rates) != len(states):
         raise ValueError(f"rates: expected one for each of {len(states)} states, given {len(rates)}")
-    if not len(sides) + poles <= len(surfaces):
-        raise ValueError(f"surfaces: expected at least {len(sides)} with sides and {poles} poles, given {len(surfaces)}")
-    for name, given in (("states", states), ("parameters", parameters), ("surfaces", surfaces)):
+    if not len(sides) + poles <= len(values):
+        raise ValueError(f"surfaces: expected at least {len(sides)} with sides and {poles} poles, given {len(values)}")
+    for name, given in (("states", states), ("parameters", parameters), ("surfaces", values)):
         if len(given) > LIMIT:
             raise ValueError(f"{name}: expected at most {LIMIT}, given {len(given)}")
 
