@@ -166,7 +166,8 @@ class AutoSearch(PoolSearch):
         for climbed in range(0, tuning.climb.rounds, tuning.unchecked_rounds):
             if climbed == tuning.climb.rounds // 2:  # what is still far below others hardly comes past them
                 order = np.argsort(-np.where(peaks.valid == 1, self._gains(design, peaks.columns), 0.0), kind="stable")
-                first, others = np.sort(order[: -(-len(order) // 2)]), np.sort(order[-(-len(order) // 2) :])
+                going = int(np.ceil(tuning.climbing_survivors * len(order)))
+                first, others = np.sort(order[:going]), np.sort(order[going:])
                 peaks, lower = peaks[first], peaks[others]
             reached = peaks
             for _ in range(tuning.unchecked_rounds):

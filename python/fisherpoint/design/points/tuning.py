@@ -184,6 +184,9 @@ class PointSearchTuning:
 
     climb: ClimbTuning = field(default_factory=lambda: ClimbTuning(rounds=18, shortened_per_point=6))
 
+    climbing_survivors: float = 0.5
+    """Share of the climbing candidates, the best, that goes on after half of the rounds."""
+
     unchecked_rounds: int = 3
     """Number of rounds of a climb between checks on all nodes; in between a few nodes reject invalid candidates."""
 
