@@ -1,7 +1,7 @@
 """``python -m bench.tuning``: which numbers of the search for points make a difference.
 
 One number of `PointSearchTuning` at a time is halved, doubled, or set to what disables its rule; then designs of several seeds are
-searched for, with few iterations and few candidates. The efficiency of each is (det F / det F of the best that any of them has)^(1/p).
+searched for, with few iterations and few candidates. The efficiency of each is (det F / det F of the best that any has)^(1/p).
 Work is counted, not timed: candidates that are drawn, each of them a trajectory with sensitivities, and points that are tried on
 the nodes of the rule. ``--only TEXT`` takes the changes whose name contains a text.
 """
@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
+from fisherpoint.basics.values import Array
 from fisherpoint.design.points.auto_search import AutoSearch
+from fisherpoint.design.points.lineage import Lineage
 from fisherpoint.design.points.tuning import PointSearchTuning
 from fisherpoint.design.settings import ExchangeSettings
 
@@ -82,6 +84,13 @@ class Trial:
     tried: int
 
 
+class _Forgetful(Lineage):
+    """No directions: all candidates near points are drawn on all scales."""
+
+    def add(self, points: Array, parents: Array) -> None:
+        pass
+
+
 def changed(path: str, value: Any) -> PointSearchTuning:
     """The tuning with another value of one number."""
     usual, (name, *inside) = PointSearchTuning(), path.split(".")
@@ -100,13 +109,15 @@ def trial(case: Case, change: str, tuning: PointSearchTuning, seed: int) -> Tria
         method=fp.ExchangeMethod(references=False),
     )
     search = AutoSearch(problem, settings, 1, tuning=tuning)
+    if not tuning.climb.generations:
+        search.lineage = _Forgetful(1)
     search.run(None)
     tried = len(search.seen.validity._known)
     return Trial(case.name, change, seed, search.best.log_det, problem.n_unknowns, search.source.drawn, tried)
 
 
 def table(trials: Iterable[Trial]) -> str:
-    """One line per change: for each case the median efficiency less that of the usual tuning, in per cent, and the work, relative."""
+    """A line per change: for each case the median efficiency less that of the usual tuning, in per cent, and the relative work."""
     trials = list(trials)
     cases = list(dict.fromkeys(one.case for one in trials))
     best = {case: max(one.log_det for one in trials if one.case == case) for case in cases}

@@ -26,6 +26,7 @@ from .optimality.estimable import estimable
 from .optimality.goal import Goal, goal_of
 from .optimality.goal_criterion import criterion_of
 from .optimality.point_rows import PointRows, check_additive
+from .optimality.tuning import RegionTuning
 from .optimality.weights import optimal_weights
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
@@ -33,13 +34,6 @@ from .points.climbs import Climbs
 from .settings import ExchangeSettings
 
 MOST_CANDIDATES = 10**6
-
-SEARCHES, MORE_POINTS, SEARCH, SEARCHED = 3, 3, 600, 2000
-"""Searches for designs at first, as each misses points that another one has; their points beyond the number of parameters, their
-iterations, and how many of the candidates of each are taken."""
-
-AGREE = 1e-4
-"""No further search follows where one finds as good a design as those before it but for so much for each parameter."""
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
@@ -232,23 +226,23 @@ def _searched(
 
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
     """
-    p, found, best = len(problem.estimated), list[Experiments](), -np.inf
+    p, found, best, tuning = len(problem.estimated), list[Experiments](), -np.inf, RegionTuning()
     settings = ExchangeSettings(
-        n_experiments=p + MORE_POINTS,
-        max_iterations=SEARCH,
+        n_experiments=p + tuning.points_beyond_parameters,
+        max_iterations=tuning.search_iterations,
         seed=seed,
     )
-    for k in range(SEARCHES):
+    for k in range(tuning.searches):
         search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
         if search.run(lambda now: report("searching", now.drawn)) == "interrupted":
             raise KeyboardInterrupt
-        seen = search.seen.best(search.best.information, None, SEARCHED)
+        seen = search.seen.best(search.best.information, None, tuning.search_candidates)
         if seen is not None:
             found.append(seen.experiments)
         if seen is None or scenarios is not None:  # the candidates are those of the prior mean, the design is for all scenarios
             found.append(search.best.information.experiments)
         before, best = best, max(best, search.best.log_det)
-        if abs(search.best.log_det - before) < AGREE * p:
+        if abs(search.best.log_det - before) < tuning.agreement * p:
             break
     return found
 

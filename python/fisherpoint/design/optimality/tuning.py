@@ -32,7 +32,7 @@ class WeightsTuning:
     """Relative difference of information matrices up to which one stands for the other, as a share of the gap, for "D"."""
 
     most_alike: float = 0.01
-    """Largest such difference. The weights of many copies are not unique, and the interior point method ends far from the optimum."""
+    """Largest such difference. Weights of many copies are not unique, and the interior point method ends far from the optimum."""
 
     same: float = 1e-9
     """Least such difference; for other criteria than "D", whose optimum may be singular, the only one."""

@@ -24,7 +24,7 @@ from ..found import FoundDesign, TraceRecord
 from ..optimality.candidate_rows import CandidateRows
 from ..optimality.criteria import Criterion
 from ..optimality.estimability import not_told
-from ..optimality.estimable import Estimable, estimable
+from ..optimality.estimable import RIDGE, Estimable, estimable
 from ..optimality.goal_criterion import criterion_of
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
@@ -32,10 +32,6 @@ from ..settings import ExchangeSettings
 from .away import Away
 from .candidate_archive import CandidateArchive
 from .tuning import PointSearchTuning
-
-RIDGE = 1e-9
-"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be
-compared. Reports say where it was."""
 
 
 class Progress(NamedTuple):

@@ -12,16 +12,11 @@ from ...basics.values import Array
 from ...information.null_space import information_without_rounding, null_directions
 from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
+from ..optimality.estimable import RIDGE, SINGULAR
 from .run_clock import OutOfTime
 from .run_objective import Judged, Lasted, RunObjective
 from .run_profiles import Profile, draw_runs
 from .run_within import brought_within, first_within
-
-SINGULAR = 1e-13
-"""Eigenvalue of the information of all runs, scaled to unit diagonal, below which a combination of parameters is not estimable."""
-
-RIDGE = 1e-9
-"""Share of the prior's information that is added to F where runs do not determine all parameters, to compare such runs."""
 
 
 class RunPool:

@@ -24,6 +24,7 @@ from ...points.runs import Runs
 from ..average import Average
 from ..optimality.criteria import Criterion
 from ..optimality.estimability import RUNS, restricted_criteria
+from ..optimality.estimable import RIDGE
 from ..settings import RunSettings
 from .run_climb import Climb
 from .run_clock import Clock, OutOfTime
@@ -31,7 +32,7 @@ from .run_found import Found
 from .run_guard import RunGuard
 from .run_objective import RunObjective
 from .run_plants import RunPlants
-from .run_pool import RIDGE, RunPool, determine_all
+from .run_pool import RunPool, determine_all
 from .run_race import race
 from .run_references import classical_runs
 from .run_tidy import tidied
