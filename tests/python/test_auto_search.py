@@ -110,20 +110,20 @@ def test_what_candidates_gain_beside_a_design(share: float) -> None:
 
 
 def test_peaks_are_the_best_that_are_far_apart() -> None:
-    rng, tuning = np.random.default_rng(0), PointSearchTuning().climb
+    rng, apart = np.random.default_rng(0), 0.2
     table, gains, width = rng.random((500, 3)) * [1.0, 10.0, 0.0], rng.random(500), np.array([1.0, 10.0, 0.0])
-    chosen = far_apart(table, width, gains, 500, tuning)
+    chosen = far_apart(table, width, gains, 500, apart)
     assert chosen[0] == np.argmax(gains) and (np.diff(gains[chosen]) <= 0).all()
 
     def near(k: int, other: np.ndarray) -> np.ndarray:
-        return (np.abs((table[other] - table[k])[:, :2] / width[:2]) <= tuning.least_distance).all(axis=1)
+        return (np.abs((table[other] - table[k])[:, :2] / width[:2]) <= apart).all(axis=1)
 
     for place, k in enumerate(chosen):
         assert near(k, chosen).sum() == 1
         # Whatever gains more than the next one is near to one that was chosen before.
         before = np.flatnonzero(gains > gains[k])
         assert all(near(other, chosen[:place]).any() for other in before)
-    np.testing.assert_array_equal(far_apart(table, width, gains, 3, tuning), chosen[:3])
+    np.testing.assert_array_equal(far_apart(table, width, gains, 3, apart), chosen[:3])
 
 
 def test_the_best_of_each() -> None:

@@ -1,4 +1,9 @@
-"""The search for the best whole numbers of measurements: exchange over the candidates, deletion, and branch and bound."""
+"""The search for the best whole numbers of measurements: exchange over the candidates, deletion, and branch and bound.
+
+The best weights bound every design. Rounded weights and designs with a random half are exchanged over the best candidates; the
+linear bound then deletes candidates that no better design can have, and the exchange is repeated over the others. Of copies one is
+left. Branch and bound closes or parts boxes of counts until none can have a better design. `ExactTuning` has the numbers.
+"""
 
 from __future__ import annotations
 

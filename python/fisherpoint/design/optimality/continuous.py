@@ -1,4 +1,10 @@
-"""Points of a design in the region: maxima of the sensitivity function join the candidates until none is met above its level."""
+"""Points of a design in the region: maxima of the sensitivity function join the candidates until none is met above its level.
+
+Ascents from the support and from good candidates find maxima, which get weights with the others. Then points of the support that
+lie close together are merged and moved, as far as that costs nothing. Climbs at random and ascents from many starts search for
+places above the level; what they find joins the candidates, and where they find nothing the search ends. `RegionTuning` has the
+numbers.
+"""
 
 from __future__ import annotations
 

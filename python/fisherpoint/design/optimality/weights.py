@@ -1,8 +1,9 @@
 """The best weights of many candidates: weights of a small set, and rounds that add those that would help most.
 
-The weights of a working set are found by an interior point method; then the sensitivity function of all candidates says which of
-the others to take in, and how far from the optimum over all of them the weights are. Those with the largest are looked at alone
-until they improve nothing more, before all are evaluated again. Candidates that cannot be part of any optimum are deleted.
+An interior point method finds the weights of a working set. The sensitivity function of all candidates then bounds how far these
+are from the optimum over all, and shows which candidates join. Between evaluations of all, only those with the largest sensitivity
+are evaluated, until they improve nothing more. For "D", candidates that cannot be part of any optimum are deleted. At the end
+candidates that hardly count are dropped. `WeightsTuning` has the numbers.
 """
 
 from __future__ import annotations

@@ -2,7 +2,9 @@
 
 log det of M = sum of w_k F_k is concave in the weights, so that for any M it is at most log det M + tr(G M') - p of any M' that may
 be chosen, with G = M^-1 its derivative. The largest sum of tr(G F_k) over disjoint windows thus bounds what any choice reaches. The
-same holds for log det of a Schur complement, where there are nuisance parameters.
+same holds for log det of a Schur complement, where there are nuisance parameters. M moves towards these windows as far as log det
+grows; the best of them on the way are exchanged, one for another, until none gains; and the weights are improved once more from
+there, until that finds no better windows. `PieceSearchTuning` has the numbers.
 """
 
 from __future__ import annotations

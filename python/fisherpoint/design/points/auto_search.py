@@ -1,11 +1,11 @@
 """The search of method "auto": exchange over pools of evaluated candidates, which climb to peaks, and an ascent of all numbers.
 
-Each of a few groups chooses one point after the other from a part of a pool, and exchanges them over it. Candidates of the pool
-that would raise the criterion and are far apart climb then, each to what is near it and would raise it more: an informative peak
-is mostly narrow, and a random candidate on its slope cannot compete with points that have been followed to their peaks. The
-design takes over what it can use of them, and in rounds candidates are drawn near its own points. All that the groups have found
-is the pool of one design, beside which candidates climb again: what would help the designs of the groups may not be what this one
-lacks. It is followed to its end by such rounds and ascents.
+Each of a few groups chooses one point after the other from a part of a pool, and exchanges them over it; rounds draw candidates
+near its points. Candidates of the pool that would raise the criterion and are far apart then climb: an informative peak is mostly
+narrow, and a random candidate on its slope cannot compete with points that have been followed to their peaks. The group's design is
+exchanged over them, ascends, and is followed by more rounds. The best design of all groups is exchanged over all that they have
+found, and candidates climb beside it too: what would help the designs of the groups may not be what this one lacks. Cycles of
+exchange, ascent and rounds follow it to its end, where nearly equal points become copies. `PointSearchTuning` has the numbers.
 """
 
 from __future__ import annotations
@@ -158,9 +158,8 @@ class AutoSearch(PoolSearch):
         table = self._numbers(pool.information)[live]
         tuning = self.tuning
         most = max(1, round(self._drawn_share * tuning.climbing * self.settings.n_candidates))
-        peaks = pool[
-            live[far_apart(table, self._upper - self._lower, self._gains(design, pool.columns[..., live]), most, tuning.climb)]
-        ]
+        gains, apart = self._gains(design, pool.columns[..., live]), tuning.climb.least_distance
+        peaks = pool[live[far_apart(table, self._upper - self._lower, gains, most, apart)]]
         self._confirm(peaks, np.arange(len(peaks)))
         lower = peaks[np.arange(0)]
         for climbed in range(0, tuning.climb.rounds, tuning.unchecked_rounds):

@@ -77,7 +77,7 @@ class Climbs:
         edges = self._source.draw_at_edges(tuning.edge_candidates)
         candidates = PointInformation.join([edges, self._source.survivors(beside)[0]])
         numbers, heights = self._numbers(candidates), height(candidates)
-        first = candidates[far_apart(numbers, self._width, heights, tuning.most_climbing, tuning.climb)]
+        first = candidates[far_apart(numbers, self._width, heights, tuning.most_climbing, tuning.climb.least_distance)]
         points = first[self._source.confirmed(first)[1]]
         if self._highest is not None:
             points = PointInformation.join([points, self._source.survivors(self._highest)[0]])

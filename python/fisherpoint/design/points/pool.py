@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.point_information import PointInformation
-from .tuning import ClimbTuning
 
 
 class Pool:
@@ -39,14 +38,14 @@ class Pool:
         return both
 
 
-def far_apart(table: Array, width: Array, gains: Array, most: int, tuning: ClimbTuning) -> NDArray[np.intp]:
+def far_apart(table: Array, width: Array, gains: Array, most: int, apart: float) -> NDArray[np.intp]:
     """Rows of a table (K, d), one after the other that with the largest gain that is far from those before it, `most` at most."""
-    order = np.argsort(-gains, kind="stable")[: tuning.looked_at]
+    order = np.argsort(-gains, kind="stable")
     places = np.ascontiguousarray((table[order] / np.where(width > 0, width, 1.0)).T)
     free, chosen = np.ones(len(order), dtype=bool), list[int]()
     while len(chosen) < most and free.any():
         chosen.append(int(np.argmax(free)))
-        free &= (np.abs(places - places[:, chosen[-1:]]) > tuning.least_distance).any(axis=0)
+        free &= (np.abs(places - places[:, chosen[-1:]]) > apart).any(axis=0)
     return np.asarray(order[np.array(chosen, dtype=np.intp)])
 
 

@@ -43,9 +43,6 @@ class ClimbTuning:
     least_distance: float = 0.2
     """Least distance of two candidates that begin to climb, in one of their numbers, as a share of the region's width."""
 
-    looked_at: int = 4000
-    """Number of candidates with the largest gains among which these are chosen."""
-
 
 @dataclass(frozen=True)
 class RegionClimbTuning:

@@ -1,11 +1,14 @@
 """The search for runs: starts from a pool of random ones, then all free numbers together, then single changes, and again.
 
-One start of it takes runs from a part of the pool (run_pool.py), or is a classical one (run_references.py). An ascent leads to a
-local maximum of log det F, all numbers of all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it,
-until none of them gains (run_climb.py). Where that is much work, all starts get some of it, and only the best go on (run_race.py).
-How many end at the same value is what is known about whether there is a better one.
+A start takes runs from a part of the pool (run_pool.py), or is a classical one (run_references.py). An ascent leads to a local
+maximum of log det F, all numbers of all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it, until
+none of them gains (run_climb.py). After each step plants are tried, and the distance from limits changes (run_guard.py). Where that
+is much work, all starts get some of it, and only the best go on (run_race.py). The winner hops and climbs until that is in vain,
+and its numbers are rounded (run_tidy.py). How many starts end at the same value is what is known about whether there is a better
+one.
 
 Its work is counted in starts and iterations, so that it finds the same on every machine; a limit of time only cuts it short.
+`RunSearchTuning` has the numbers.
 """
 
 from __future__ import annotations
