@@ -31,15 +31,14 @@ SEEDS, CANDIDATES, ITERATIONS = 8, 10, 200
 USUAL = "as it is"
 
 OTHERS: dict[str, tuple[Any, ...]] = {
-    "checks": (1,),
+    "checks_per_exchange": (1,),
     "climb.generations": (0,),
-    "climb.looked_at": (100_000,),
     "climb.shortened_per_point": (0, 3),
     "climbing_survivors": (1.0,),
     "unchecked_rounds": (1,),
     "random_starts": (1,),
     "start_share": (1.0,),
-    "group_share": (1.0,),
+    "near_share_in_groups": (1.0,),
     "first_rounds": (0,),
     "last_rounds": (0,),
     "merged_rounds": (0,),
@@ -55,7 +54,7 @@ OTHERS: dict[str, tuple[Any, ...]] = {
     "ascent.reach_factors": ((1.0, 1 / 16),),
     "edge_candidates": (0.1, 200),
     "groups": (2,),
-    "climbing": (0.1,),
+    "climbing_candidates": (0.1,),
     "climb.near_per_point": (8,),
     "near_candidates": (4, 16),
     "checked_per_point": (2, 8),

@@ -83,7 +83,7 @@ def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> lis
     drawn: float
     if method == "auto":
         tuning = PointSearchTuning()
-        climbing = tuning.climb.rounds * tuning.climbing * m * tuning.climb.near_per_point
+        climbing = tuning.climb.rounds * tuning.climbing_candidates * m * tuning.climb.near_per_point
         of_group = min(tuning.most_edge_candidates, tuning.edge_candidates * m) + climbing
         near = max(tuning.near_candidates * m, tuning.least_near_per_point * settings.n_experiments)
         drawn = (tuning.groups + tuning.merged_climbs + 0.5) * of_group + iterations * near

@@ -148,7 +148,7 @@ def test_candidates_climb_and_stay_valid() -> None:
         with pytest.raises(StopIteration) as end:
             next(climbing)
         peaks = end.value.value
-        assert len(peaks) <= tuning.climbing * SETTINGS["n_candidates"]
+        assert len(peaks) <= tuning.climbing_candidates * SETTINGS["n_candidates"]
         peaks = peaks[np.flatnonzero(peaks.valid == 1)]
         return search._gains(design, peaks.columns), peaks.information.experiments
 

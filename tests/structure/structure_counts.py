@@ -147,7 +147,7 @@ LIMITS: dict[Callable[[], int], int] = {
     shared_class_names: 10,
     dialect: 30,
     hanging_docstrings: 5,
-    search_constants: 316,
+    search_constants: 78,
 }
 
 

@@ -242,7 +242,7 @@ def _searched(
         if seen is None or scenarios is not None:  # the candidates are those of the prior mean, the design is for all scenarios
             found.append(search.best.information.experiments)
         before, best = best, max(best, search.best.log_det)
-        if abs(search.best.log_det - before) < tuning.agreement * p:
+        if abs(search.best.log_det - before) < tuning.agreement_per_parameter * p:
             break
     return found
 

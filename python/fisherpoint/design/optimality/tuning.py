@@ -115,7 +115,7 @@ class RegionTuning:
     search_candidates: int = 2000
     """Number of candidates of each that get weights."""
 
-    agreement: float = 1e-4
+    agreement_per_parameter: float = 1e-4
     """Difference of log det F per parameter up to which another search has found as good a design, and none follows."""
 
     # Rounds: maxima of the sensitivity function join the candidates.

@@ -59,7 +59,7 @@ class AutoSearch(PoolSearch):
             ends.append(design)
             found = found.with_more(peaks).with_more(self._pool(design, 1))
             values = np.array([self._value(end) for end in ends])
-            easy = int((values > values.max() - tuning.agreement * self._level).sum()) >= tuning.agreeing_groups
+            easy = int((values > values.max() - tuning.agreement_per_parameter * self._level).sum()) >= tuning.agreeing_groups
         design = max(ends, key=self._value)
         for _ in range(0 if easy else times - len(ends)):
             design = yield from self._followed(design, found, tuning.merged_rounds)
@@ -137,9 +137,9 @@ class AutoSearch(PoolSearch):
         design = self._start(pool, at_random)
         for _ in range(self.tuning.first_rounds):
             yield
-            design = self._round(design, self.tuning.group_share)
+            design = self._round(design, self.tuning.near_share_in_groups)
         peaks = yield from self._climbed(design, pool)
-        design = yield from self._followed(design, peaks, self.tuning.last_rounds, self.tuning.group_share)
+        design = yield from self._followed(design, peaks, self.tuning.last_rounds, self.tuning.near_share_in_groups)
         return design, peaks
 
     def _followed(
@@ -157,7 +157,7 @@ class AutoSearch(PoolSearch):
         live = np.flatnonzero(pool.valid >= 0)
         table = self._numbers(pool.information)[live]
         tuning = self.tuning
-        most = max(1, round(self._drawn_share * tuning.climbing * self.settings.n_candidates))
+        most = max(1, round(self._drawn_share * tuning.climbing_candidates * self.settings.n_candidates))
         gains, apart = self._gains(design, pool.columns[..., live]), tuning.climb.least_distance
         peaks = pool[live[far_apart(table, self._upper - self._lower, gains, most, apart)]]
         self._confirm(peaks, np.arange(len(peaks)))

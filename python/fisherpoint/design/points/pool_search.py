@@ -141,7 +141,7 @@ class PoolSearch(PointSearch):
         live = live[pool.valid[live] >= 0]
         columns = np.concatenate([self._columns(design), pool.columns[..., live]], axis=3)
         exchange = self._exchange(columns, count)
-        for look in range(self.tuning.checks):
+        for look in range(self.tuning.checks_per_exchange):
             unknown = np.flatnonzero(pool.valid[live] == 0)
             places = None if place is None else place[live[unknown]]
             wanted = exchange.promising(count + unknown, self.tuning.checked_per_point, places) - count

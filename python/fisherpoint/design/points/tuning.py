@@ -156,7 +156,7 @@ class PointSearchTuning:
     checked_per_point: int = 4
     """Number of candidates to replace each point that are tried on all nodes."""
 
-    checks: int = 2
+    checks_per_exchange: int = 2
     """Number of times that such candidates are tried in each exchange."""
 
     # Rounds: candidates near the points.
@@ -166,7 +166,7 @@ class PointSearchTuning:
     least_near_per_point: int = 4
     """Least number of candidates near each point in a round."""
 
-    group_share: float = 0.5
+    near_share_in_groups: float = 0.5
     """Share of the candidates near points that is drawn in the rounds of groups."""
 
     # Groups.
@@ -176,7 +176,7 @@ class PointSearchTuning:
     first_rounds: int = 4
     """Number of rounds of a group before candidates climb."""
 
-    climbing: int = 2
+    climbing_candidates: int = 2
     """Candidates that climb in each group, in units of M."""
 
     climb: ClimbTuning = field(default_factory=lambda: ClimbTuning(rounds=18, shortened_per_point=6))
@@ -193,7 +193,7 @@ class PointSearchTuning:
     agreeing_groups: int = 3
     """Number of groups as good as the best with which the problem counts as easy, and no more groups follow."""
 
-    agreement: float = 3e-4
+    agreement_per_parameter: float = 3e-4
     """Difference of log det F per parameter up to which groups count as equally good."""
 
     group_budget: int = 28
