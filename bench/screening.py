@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fisherpoint.design.points.exchange_search import SHORTLIST, ExchangeSearch
+from fisherpoint.design.points.exchange_search import ExchangeSearch
 from fisherpoint.design.settings import ExchangeMethod, ExchangeSettings
 from fisherpoint.engine import _core
 from fisherpoint.information.point_information import PointInformation, with_linearized_covariance
@@ -38,7 +38,7 @@ class _Watched(ExchangeSearch):
         linearized = self._phis_with(accumulator, with_linearized_covariance(self.problem, candidates)[0], ridge)
         best = int(np.argmax(self._phis_with(accumulator, candidates, ridge)))
         self.draws += 1
-        self.same += best in np.argsort(-linearized, kind="stable")[:SHORTLIST]
+        self.same += best in np.argsort(-linearized, kind="stable")[: self.tuning.paper.shortlist]
         return candidates, confirmed
 
 

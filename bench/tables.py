@@ -8,7 +8,7 @@ from dataclasses import asdict
 from rich.console import Console
 from rich.table import Table
 
-from fisherpoint.design.points.exchange_search import SHORTLIST
+from fisherpoint.design.points.tuning import PaperSearchTuning
 
 from . import cost, packs
 from .accuracy import ACCURACY_RULE, Errors
@@ -90,9 +90,10 @@ def show_designs(figures: Sequence[DesignFigures]) -> None:
 
 def show_screening(figures: Sequence[ScreeningFigures]) -> None:
     """Print one line per output covariance."""
+    left = PaperSearchTuning().shortlist
     for f in figures:
         console.print(
-            f"Screening, {f.output_covariance}: the best of 50 candidates under the rule was among the {SHORTLIST} that are left in"
+            f"Screening, {f.output_covariance}: the best of 50 candidates under the rule was among the {left} that are left in"
             f" {f.same} of {f.draws} draws ({f.share:.1%})."
         )
     console.print()

@@ -69,9 +69,7 @@ def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.Excha
 
 def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> list[Row]:
     """How points would be searched for."""
-    from fisherpoint.design.points.auto_search import CLIMB_ROUNDS, GROUPS, MERGED, MOST_POOL, PEAKS, POOL
-    from fisherpoint.design.points.climbs import NEAR_PEAK
-    from fisherpoint.design.points.pool_search import NEAR
+    from fisherpoint.design.points.tuning import PointSearchTuning
     from fisherpoint.design.settings import searched_by
     from fisherpoint.information.output_covariance import needs_covariances
 
@@ -84,8 +82,11 @@ def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> lis
     m, iterations = settings.n_candidates, settings.max_iterations
     drawn: float
     if method == "auto":
-        of_group = min(MOST_POOL, POOL * m) + CLIMB_ROUNDS * PEAKS * m * NEAR_PEAK
-        drawn = (GROUPS + MERGED + 0.5) * of_group + iterations * max(NEAR * m, 4 * settings.n_experiments)
+        tuning = PointSearchTuning()
+        climbing = tuning.climb.rounds * tuning.climbing_candidates * m * tuning.climb.near_per_point
+        of_group = min(tuning.most_edge_candidates, tuning.edge_candidates * m) + climbing
+        near = max(tuning.near_candidates * m, tuning.least_near_per_point * settings.n_experiments)
+        drawn = (tuning.groups + tuning.merged_climbs + 0.5) * of_group + iterations * near
     else:
         drawn = settings.n_experiments + iterations * m * (1 + settings.method.local)
     nodes = problem.rule.size(problem.prior) if needs_covariances(str(problem.output_covariance)) else 0

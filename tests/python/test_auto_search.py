@@ -6,6 +6,7 @@ import itertools
 import os
 import signal
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,10 @@ from defaults import MODEL, problem, same_bits
 from fisherpoint.design.average import Average
 from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.rank_updates import gains
-from fisherpoint.design.points import auto_search, pool_search
-from fisherpoint.design.points.auto_search import PEAKS, UNCONFIRMED, AutoSearch
-from fisherpoint.design.points.pool import APART, best_of_each, far_apart
+from fisherpoint.design.points.auto_search import AutoSearch
+from fisherpoint.design.points.pool import best_of_each, far_apart
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
+from fisherpoint.design.points.tuning import PointSearchTuning
 from fisherpoint.design.settings import ExchangeSettings
 from fisherpoint.engine.levels import kernels
 from fisherpoint.information.candidates import CandidateSource
@@ -109,20 +110,20 @@ def test_what_candidates_gain_beside_a_design(share: float) -> None:
 
 
 def test_peaks_are_the_best_that_are_far_apart() -> None:
-    rng = np.random.default_rng(0)
+    rng, apart = np.random.default_rng(0), 0.2
     table, gains, width = rng.random((500, 3)) * [1.0, 10.0, 0.0], rng.random(500), np.array([1.0, 10.0, 0.0])
-    chosen = far_apart(table, width, gains, 500)
+    chosen = far_apart(table, width, gains, 500, apart)
     assert chosen[0] == np.argmax(gains) and (np.diff(gains[chosen]) <= 0).all()
 
     def near(k: int, other: np.ndarray) -> np.ndarray:
-        return (np.abs((table[other] - table[k])[:, :2] / width[:2]) <= APART).all(axis=1)
+        return (np.abs((table[other] - table[k])[:, :2] / width[:2]) <= apart).all(axis=1)
 
     for place, k in enumerate(chosen):
         assert near(k, chosen).sum() == 1
         # Whatever gains more than the next one is near to one that was chosen before.
         before = np.flatnonzero(gains > gains[k])
         assert all(near(other, chosen[:place]).any() for other in before)
-    np.testing.assert_array_equal(far_apart(table, width, gains, 3), chosen[:3])
+    np.testing.assert_array_equal(far_apart(table, width, gains, 3, apart), chosen[:3])
 
 
 def test_the_best_of_each() -> None:
@@ -133,13 +134,13 @@ def test_the_best_of_each() -> None:
     assert sorted(best_of_each(gains, of, 0 * least, 9)) == [0, 1, 2, 3, 4, 5]
 
 
-def test_candidates_climb_and_stay_valid(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_candidates_climb_and_stay_valid() -> None:
     given = problem(region=fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"]), jumps="exclude")
 
     def climbed(rounds: int) -> tuple[np.ndarray, fp.Experiments]:
         """Gains and points of what is valid after so many rounds."""
-        monkeypatch.setattr(auto_search, "CLIMB_ROUNDS", rounds)
-        search = AutoSearch(given, ExchangeSettings(**SETTINGS), 1)
+        tuning = replace(PointSearchTuning(), climb=replace(PointSearchTuning().climb, rounds=rounds))
+        search = AutoSearch(given, ExchangeSettings(**SETTINGS), 1, tuning=tuning)
         design, pool = search.best.information, search._pool(search.source.draw_at_edges(1000))
         climbing = search._climbed(design, pool)
         for _ in range(rounds):
@@ -147,12 +148,12 @@ def test_candidates_climb_and_stay_valid(monkeypatch: pytest.MonkeyPatch) -> Non
         with pytest.raises(StopIteration) as end:
             next(climbing)
         peaks = end.value.value
-        assert len(peaks) <= PEAKS * SETTINGS["n_candidates"]
+        assert len(peaks) <= tuning.climbing_candidates * SETTINGS["n_candidates"]
         peaks = peaks[np.flatnonzero(peaks.valid == 1)]
         return search._gains(design, peaks.columns), peaks.information.experiments
 
     before, _ = climbed(0)
-    after, points = climbed(3 * UNCONFIRMED)
+    after, points = climbed(3 * PointSearchTuning().unchecked_rounds)
     assert len(after) >= len(before) > 5 and np.sort(after)[-5:].mean() > 2 * np.sort(before)[-5:].mean()
     assert np.all(points.x0[:, 2] + points.x0[:, 3] < 1.5e7)
     assert not fp.predictive_covariance(MODEL, points, given.prior, given.rule, jumps="exclude").status.any()
@@ -248,17 +249,19 @@ def test_candidates_that_plants_cannot_run_are_sampled_earlier(monkeypatch: pyte
     """The best points start at edges of the region and lie where some plants just can run them; few of what is drawn does."""
     given = fp.load_problem(EXAMPLES / "cylinder.toml").replace(jumps="exclude")
 
-    def found() -> float:
-        some = [
-            fp.exchange(given, 12, seed=s, n_candidates=50, max_iterations=80, method=fp.ExchangeMethod(references=False))
-            for s in range(1, 4)
-        ]
-        return float(np.mean([design.evaluation.log_det for design in some]))
+    def found(tuning: PointSearchTuning) -> float:
+        values = []
+        for seed in range(1, 4):
+            settings = ExchangeSettings(n_experiments=12, seed=seed, n_candidates=50, max_iterations=80)
+            search = AutoSearch(given, settings, 2, tuning=tuning)
+            search.run(None)
+            values.append(search.best.log_det)
+        return float(np.mean(values))
 
-    earlier = found()
-    monkeypatch.setattr(pool_search, "EARLIER", 0)
+    usual = PointSearchTuning()
+    earlier = found(usual)
     monkeypatch.setattr(CandidateSource, "draw_at_edges", CandidateSource.draw)
-    assert earlier > found() + 0.1
+    assert earlier > found(replace(usual, climb=replace(usual.climb, shortened_per_point=0))) + 0.1
 
 
 def test_an_ascent_moves_points_and_keeps_them_valid() -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-import pytest
 
 import fisherpoint as fp
 from bench.algorithm_cases import example
 from fisherpoint.design.optimality.ascents import ascend
-from fisherpoint.design.points import climbs
 from fisherpoint.design.points.climbs import Climbs
+from fisherpoint.design.points.tuning import RegionClimbTuning
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 
@@ -49,9 +50,9 @@ def test_points_climb_along_a_limit_that_bends_where_ascents_end() -> None:
     assert middle(search.run(height, start).u).max() >= middle(once.u).max()
 
 
-def test_points_that_climb_are_valid_on_all_nodes_and_no_lower_than_where_they_began(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(climbs, "EDGES", 500)
-    monkeypatch.setattr(climbs, "ROUNDS", 5)
+def test_points_that_climb_are_valid_on_all_nodes_and_no_lower_than_where_they_began() -> None:
+    usual = RegionClimbTuning()
+    tuning = replace(usual, edge_candidates=500, climb=replace(usual.climb, rounds=5))
     given = example("cylinder", "noise", "exclude")()
 
     def told(points: PointInformation) -> np.ndarray:
@@ -59,7 +60,7 @@ def test_points_that_climb_are_valid_on_all_nodes_and_no_lower_than_where_they_b
 
     source = CandidateSource(given, np.random.default_rng(1), 2)
     beside = source.draw_confirmed(5)
-    reached = Climbs(given, np.random.default_rng(2), 2).run(told, beside.experiments)
+    reached = Climbs(given, np.random.default_rng(2), 2, tuning=tuning).run(told, beside.experiments)
     again = CandidateSource(given, np.random.default_rng(3), 2)
     valid = again.confirm(again.survivors(reached)[0])
     assert len(valid) == len(reached) > 5

@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fisherpoint as fp
-from fisherpoint.design.optimality import branch_and_bound
 from fisherpoint.design.optimality.branch_and_bound import BranchAndBound, similar_first
 from fisherpoint.design.optimality.criteria import Criterion
 from fisherpoint.design.optimality.determinant import Determinant
 from fisherpoint.design.optimality.eigenvalue_criteria import Scaled, SmallestEigenvalue
 from fisherpoint.design.optimality.relaxation import Box, Group, Relaxation
 from fisherpoint.design.optimality.symmetries import symmetries
+from fisherpoint.design.optimality.tuning import ExactTuning
 from fisherpoint.design.optimality.variance import Variance
 from test_approximate import COMPARTMENT, GRID, MICHAELIS, QUADRATIC, algebraic, inputs
 
@@ -184,14 +184,13 @@ def test_neighbours_on_a_fine_grid_do_not_hold_up_the_proof(count: int, n: int) 
 
 
 @pytest.mark.parametrize("most", [10**6, 5])
-def test_similar_candidates_lie_beside_each_other_in_groups_within_groups(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(branch_and_bound, "MOST_GROUPED", most)
+def test_similar_candidates_lie_beside_each_other_in_groups_within_groups(most: int) -> None:
     rng = np.random.default_rng(0)
     centres = np.repeat([0.0, 1.0, 5.0, 5.0], [3, 5, 4, 1])
     x = centres + 1e-3 * rng.standard_normal(13)
     x[-1] = x[-2]  # a copy
     shuffled = rng.permutation(13)
-    order, parts = similar_first(x[shuffled, None, None])
+    order, parts = similar_first(x[shuffled, None, None], ExactTuning(most_grouped=most))
     np.testing.assert_array_equal(np.sort(order), np.arange(13))
     groups = {(part.first, part.end) for part in parts}
     assert {(k, k + 1) for k in range(13)} <= groups

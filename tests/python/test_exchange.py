@@ -15,7 +15,7 @@ from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
 from fisherpoint.design.efficiency import median_of, random_designs
 from fisherpoint.design.exchange import designs
-from fisherpoint.design.points.exchange_search import SHORTLIST
+from fisherpoint.design.points.tuning import PaperSearchTuning
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 
@@ -174,8 +174,9 @@ def test_screening_asks_the_rule_for_the_best_few_only(monkeypatch: pytest.Monke
     fp.exchange(
         problem(output_covariance="pooled"), 9, n_candidates=40, max_iterations=5, method=fp.ExchangeMethod(references=False)
     )
-    start = asked.index(SHORTLIST)
-    assert sum(asked[:start]) >= 9 and set(asked[start:]) == {SHORTLIST}
+    shortlist = PaperSearchTuning().shortlist
+    start = asked.index(shortlist)
+    assert sum(asked[:start]) >= 9 and set(asked[start:]) == {shortlist}
 
 
 # --- odd problems -------------------------------------------------------------------------------------------------------

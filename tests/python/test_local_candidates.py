@@ -13,7 +13,7 @@ import fisherpoint as fp
 from conftest import REGION, random_points
 from defaults import KINDS, MODEL, problem, same_bits
 from fisherpoint.design.points.exchange_search import ExchangeSearch
-from fisherpoint.design.points.lineage import GENERATIONS, Lineage
+from fisherpoint.design.points.lineage import Lineage
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.points.region import NEAREST
 
@@ -72,16 +72,17 @@ def test_candidates_go_on_in_about_the_direction_of_a_step() -> None:
 
 
 def test_a_lineage_has_the_steps_from_its_ancestors_the_nearest_first() -> None:
-    lineage, way = Lineage(), np.cumsum(np.random.default_rng(0).random((GENERATIONS + 3, 2)), axis=0)
+    generations = 6
+    lineage, way = Lineage(generations), np.cumsum(np.random.default_rng(0).random((generations + 3, 2)), axis=0)
     lineage.add(way[1:], way[:-1])
     found = lineage.steps(np.array([way[-1], way[2], way[0]]))
-    np.testing.assert_array_equal(found[0], way[-1] - way[-2 : -2 - GENERATIONS : -1])
-    np.testing.assert_array_equal(found[1], [way[2] - way[1], way[2] - way[0], *np.zeros((GENERATIONS - 2, 2))])
+    np.testing.assert_array_equal(found[0], way[-1] - way[-2 : -2 - generations : -1])
+    np.testing.assert_array_equal(found[1], [way[2] - way[1], way[2] - way[0], *np.zeros((generations - 2, 2))])
     assert not found[2].any()
 
 
 def test_an_ancestor_comes_from_where_it_came_from_last() -> None:
-    lineage, (a, b, c, d) = Lineage(), np.eye(4)
+    lineage, (a, b, c, d) = Lineage(6), np.eye(4)
     lineage.add(np.array([b, c]), np.array([a, b]))
     lineage.add(b[None], d[None])
     np.testing.assert_array_equal(lineage.steps(c[None])[0, :3], [c - b, c - d, np.zeros(4)])

@@ -12,11 +12,10 @@ from hypothesis import given as drawn_from
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from fisherpoint.design.average import Average
+from fisherpoint.design.average import SOFTNESS, Average
 from fisherpoint.design.optimality.candidate_rows import CandidateRows
 from fisherpoint.design.optimality.criteria import Criterion
 from fisherpoint.design.optimality.determinant import slopes_of
-from fisherpoint.design.optimality.eigenvalue_criteria import SOFTNESS
 from fisherpoint.design.optimality.weights import optimal_weights
 from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy

@@ -15,8 +15,9 @@ from defaults import MODEL, NOISE, problem, same_bits
 from fisherpoint.design.average import SOFTNESS, Average
 from fisherpoint.design.optimality.criteria import Criterion
 from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.points.over_bound import TOLERANCE, over_bound
+from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
+from fisherpoint.design.points.tuning import ArchiveTuning
 from fisherpoint.design.runs.linear_rows import LinearRows
 
 QUICK: dict[str, Any] = {"n_experiments": 9, "n_candidates": 8, "max_iterations": 24, "method": fp.ExchangeMethod(references=False)}
@@ -189,13 +190,13 @@ def test_the_bound_is_the_best_that_weights_reach(kind: str, monkeypatch: pytest
         return -value(z**2 / (z**2).sum())
 
     best = max(-minimize(loss, rng.uniform(0.2, 1.0, count), method="Powell", options={"maxiter": 50}).fun for _ in range(4))
-    assert bound is not None and best - 1e-9 <= bound < best + p * TOLERANCE + 1e-3
+    assert bound is not None and best - 1e-9 <= bound < best + p * ArchiveTuning().tolerance_over_prior + 1e-3
     for chosen in itertools.combinations_with_replacement(range(count), 4):
         assert value(np.bincount(chosen, minlength=count) / 4) <= bound
     for most in (2, 1):  # scenarios of a group
         monkeypatch.setattr("fisherpoint.design.points.over_bound.MOST_OF_ALL", most * p)
         grouped = over_bound(rows, known, average, 3, everywhere, [log_det(p)] * 3)
-        assert grouped is not None and bound - p * TOLERANCE <= grouped < bound + 4
+        assert grouped is not None and bound - p * ArchiveTuning().tolerance_over_prior <= grouped < bound + 4
 
 
 def test_the_bound_leaves_out_what_may_not_have_a_weight() -> None:

@@ -7,12 +7,14 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.basics.values import Array
-from fisherpoint.design.points.replicates import NEAR, with_copies
+from fisherpoint.design.points.replicates import with_copies
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 from test_known_designs import ONE_FACTOR
 from test_known_designs import problem as known_problem
 from test_seen_candidates import at, problem
+
+NEAR = 0.02
 
 
 def copied(*x: float, valid: float = 1.0) -> tuple[list[float], float, float]:
@@ -27,7 +29,7 @@ def copied(*x: float, valid: float = 1.0) -> tuple[list[float], float, float]:
         return float(np.linalg.slogdet(rows.T @ rows)[1])
 
     design = source.survivors(at(*x))[0]
-    found = with_copies(design, np.array([-1.0]), np.array([1.0]), evaluated, value)
+    found = with_copies(design, np.array([-1.0]), np.array([1.0]), evaluated, value, NEAR, 300)
     return found.experiments.u[:, 0].tolist(), value(design), value(found)
 
 

@@ -15,7 +15,8 @@ from fisherpoint.design.runs.run_clock import Clock
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import draw_runs
-from fisherpoint.design.runs.run_race import KEPT, RUNG, race
+from fisherpoint.design.runs.run_race import race
+from fisherpoint.design.runs.tuning import RunSearchTuning
 from fisherpoint.points.run_region import RunCoordinates
 
 
@@ -38,7 +39,7 @@ class Runner:
 
 
 def raced(heights: list[float], each: int, steps: int) -> tuple[list[Any], int]:
-    objective = SimpleNamespace(work=0, clock=Clock(None))
+    objective = SimpleNamespace(work=0, clock=Clock(None), tuning=RunSearchTuning())
     runners: list[Any] = [Runner(objective, height, each, steps) for height in heights]
     race(objective, runners, lambda one: None)  # type: ignore[arg-type]
     return runners, objective.work
@@ -50,17 +51,18 @@ def test_where_there_is_little_to_do_all_starts_end() -> None:
 
 
 def test_the_best_third_goes_on_with_as_much_work() -> None:
+    rung, survivors = RunSearchTuning().rung_segments, RunSearchTuning().rung_survivors
     heights = [3.0, 9.0, 1.0, 8.0, 2.0, 4.0, 7.0, 5.0, 6.0]
-    runners, work = raced(heights, each=RUNG // 90, steps=1000)
+    runners, work = raced(heights, each=rung // 90, steps=1000)
     steps = {height: one.done for height, one in zip(heights, runners, strict=True)}
     assert {height for height in heights if steps[height] > steps[1.0]} == {7.0, 8.0, 9.0}
     assert steps[9.0] > steps[8.0] == steps[7.0] and len(set(steps.values())) == 3
-    rungs = 1 + np.ceil(np.log(len(heights)) / np.log(KEPT))
-    assert work <= rungs * RUNG * 1.1
+    rungs = 1 + np.ceil(np.log(len(heights)) / np.log(survivors))
+    assert work <= rungs * rung * 1.1
 
 
 def test_a_start_makes_a_step_whatever_that_takes() -> None:
-    runners, _ = raced([1.0, 2.0, 3.0], each=2 * RUNG, steps=5)
+    runners, _ = raced([1.0, 2.0, 3.0], each=2 * RunSearchTuning().rung_segments, steps=5)
     assert [one.done for one in runners][:2] == [1, 1] and runners[2].done == 2
 
 

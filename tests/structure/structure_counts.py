@@ -147,7 +147,7 @@ LIMITS: dict[Callable[[], int], int] = {
     shared_class_names: 0,
     dialect: 29,
     hanging_docstrings: 5,
-    search_constants: 310,
+    search_constants: 78,
 }
 
 

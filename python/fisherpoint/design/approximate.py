@@ -21,12 +21,13 @@ from ..show.progress import Progress, check_progress, following
 from .optimality.approximate_design import ApproximateDesign
 from .optimality.averaged import MOST_OF_ALL, Averaged, EstimableOver, parted
 from .optimality.candidate_rows import CandidateRows
-from .optimality.continuous import ABOVE, Refinement, refined
+from .optimality.continuous import Refinement, refined
 from .optimality.estimability import NOT_TOLD, determined, not_told
 from .optimality.estimable import estimable
 from .optimality.goal import Goal, goal_of
 from .optimality.goal_criterion import criterion_of
 from .optimality.point_rows import PointRows, check_additive
+from .optimality.tuning import RegionTuning
 from .optimality.weights import optimal_weights
 from .over_prior import OverPrior, Scenarios, moved_problems
 from .points.auto_search import AutoSearch
@@ -34,13 +35,6 @@ from .points.climbs import Climbs
 from .settings import ExchangeSettings
 
 MOST_CANDIDATES = 10**6
-
-SEARCHES, MORE_POINTS, SEARCH, SEARCHED = 3, 3, 600, 2000
-"""Searches for designs at first, as each misses points that another one has; their points beyond the number of parameters, their
-iterations, and how many of the candidates of each are taken."""
-
-AGREE = 1e-4
-"""No further search follows where one finds as good a design as those before it but for so much for each parameter."""
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
@@ -165,7 +159,9 @@ def approximate(
             climb = Climbs(problem, rng, threads, elsewhere).run if fast else None
             found = refined(source, points, pool, criterion, weights, starts, tolerance, rng, climb, report)
     weights = found.weights
-    tolerance, early = (max(tolerance, ABOVE), StopReason.max_iterations) if found.starts else (tolerance, StopReason.rounding)
+    tolerance, early = (
+        (max(tolerance, RegionTuning().above), StopReason.max_iterations) if found.starts else (tolerance, StopReason.rounding)
+    )
     information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
     inside = space.span.T @ information @ space.span if len(space.null) else information
     inner = criterion if not len(space.null) else criterion.within(space.orthonormal)
@@ -225,23 +221,23 @@ def _searched(
 
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
     """
-    p, found, best = len(problem.estimated), list[Experiments](), -np.inf
+    p, found, best, tuning = len(problem.estimated), list[Experiments](), -np.inf, RegionTuning()
     settings = ExchangeSettings(
-        n_experiments=p + MORE_POINTS,
-        max_iterations=SEARCH,
+        n_experiments=p + tuning.points_beyond_parameters,
+        max_iterations=tuning.search_iterations,
         seed=seed,
     )
-    for k in range(SEARCHES):
+    for k in range(tuning.searches):
         search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
         if search.run(_tried(search, report)) == StopReason.interrupted:
             raise KeyboardInterrupt
-        seen = search.seen.best(search.best.information, None, SEARCHED)
+        seen = search.seen.best(search.best.information, None, tuning.search_candidates)
         if seen is not None:
             found.append(seen.experiments)
         if seen is None or scenarios is not None:  # the candidates are those of the prior mean, the design is for all scenarios
             found.append(search.best.information.experiments)
         before, best = best, max(best, search.best.log_det)
-        if abs(search.best.log_det - before) < AGREE * p:
+        if abs(search.best.log_det - before) < tuning.agreement_per_parameter * p:
             break
     return found
 

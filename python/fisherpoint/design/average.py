@@ -15,7 +15,8 @@ import numpy as np
 from ..basics.values import Array
 
 SOFTNESS = 0.02
-"""Width of the smoothed form, in units of log det: where the worst scenarios take turns, ascents need a derivative."""
+"""Width of the smoothed form of a minimum, in log det of scenarios or log of eigenvalues: where they take turns, ascents need a
+derivative."""
 
 
 @dataclass(frozen=True, eq=False)

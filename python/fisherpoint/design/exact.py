@@ -24,10 +24,8 @@ from .optimality.exact_design import ExactDesign
 from .optimality.goal import Goal, goal_of
 from .optimality.goal_criterion import criterion_of
 from .optimality.point_rows import PointRows, check_additive
+from .optimality.tuning import ExactTuning
 from .optimality.weights import optimal_weights
-
-TOLERANCE = 1e-6
-"""Tolerance of the best weights, where the bounds begin."""
 
 MOST_EXPERIMENTS, MOST_NODES = 10_000, 10**9
 
@@ -120,9 +118,10 @@ def exact(
         raise ValueError(
             f"candidates: expected some that determine {what}, given none with information on {combinations(null)}, in prior std"
         )
-    weights = optimal_weights(pool, criterion, tolerance=TOLERANCE, seed=seed, space=space)
+    tuning = ExactTuning()
+    weights = optimal_weights(pool, criterion, tolerance=tuning.weights_tolerance, seed=seed, space=space)
     limits = Limits(-float(np.log1p(-gap)), max_nodes, time_limit, started)
-    search = ExactSearch(pool, criterion.within(space), weights, n, limits, np.random.default_rng(seed))
+    search = ExactSearch(pool, criterion.within(space), weights, n, limits, np.random.default_rng(seed), tuning)
     with following(progress, "nodes", "exchanging points") as report:
         found = search.run(report)
     if not found.efficiency > 0:

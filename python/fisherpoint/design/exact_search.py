@@ -1,4 +1,9 @@
-"""The search for the best whole numbers of measurements: exchange over the candidates, deletion, and branch and bound."""
+"""The search for the best whole numbers of measurements: exchange over the candidates, deletion, and branch and bound.
+
+The best weights bound every design. Rounded weights and designs with a random half are exchanged over the best candidates; the
+linear bound then deletes candidates that no better design can have, and the exchange is repeated over the others. Of copies one is
+left. Branch and bound closes or parts boxes of counts until none can have a better design. `ExactTuning` has the numbers.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +25,9 @@ from .optimality.criteria import Criterion
 from .optimality.relaxation import Box, Counts, Relaxation
 from .optimality.rounding import efficient_rounding
 from .optimality.symmetries import symmetries
+from .optimality.tuning import ExactTuning
 from .optimality.weights import Weights
 from .points.pool_exchange import PoolExchange, greedy
-
-POOL, STARTS = 2000, 6
-"""Candidates with the largest sensitivity that points are exchanged over, and designs from which that begins."""
-
-MOST_LEFT = 50_000
-"""Candidates that may be left for branch and bound."""
 
 COPIES = 1e-10
 """Relative difference of information matrices up to which candidates count as copies."""
@@ -71,11 +71,20 @@ class ExactSearch:
         Measurements.
     limits : Limits
     rng : numpy.random.Generator
+    tuning : ExactTuning, optional
     """
 
     def __init__(
-        self, pool: CandidateRows, criterion: Criterion, weights: Weights, n: int, limits: Limits, rng: np.random.Generator
+        self,
+        pool: CandidateRows,
+        criterion: Criterion,
+        weights: Weights,
+        n: int,
+        limits: Limits,
+        rng: np.random.Generator,
+        tuning: ExactTuning = ExactTuning(),
     ) -> None:
+        self.tuning = tuning
         self._pool, self._criterion, self._weights, self._n, self._limits = pool, criterion, weights, n, limits
         self._rng, self._into = rng, weights.estimable.into
         self._prices = pool.along(weights.half)
@@ -99,7 +108,7 @@ class ExactSearch:
             report(0, 0, self._efficiency(bound))
             if not len(left):
                 stop_reason, bound = StopReason.proven, min(bound, self.value + limits.gap)
-            elif len(left) > MOST_LEFT:
+            elif len(left) > self.tuning.most_left:
                 stop_reason = StopReason.too_many_candidates
             elif np.isfinite(self.value):
                 search, left = self._branch_and_bound(left)
@@ -124,10 +133,10 @@ class ExactSearch:
     def _looked_at(self) -> NDArray[np.intp]:
         """Exchange over the best candidates, and those that are left of all after that."""
         best_first = np.argsort(-self._prices, kind="stable")
-        self._exchange(best_first[:POOL])
+        self._exchange(best_first[: self.tuning.exchanged_candidates])
         left = best_first[self._most(best_first) > 0]
         if 1 < len(left) < len(best_first) and not self._limits.late():
-            self._exchange(left[:POOL])
+            self._exchange(left[: self.tuning.exchanged_candidates])
             left = left[self._most(left) > 0]
         return self._without_copies(left)
 
@@ -138,11 +147,11 @@ class ExactSearch:
     def _branch_and_bound(self, left: NDArray[np.intp]) -> tuple[BranchAndBound, NDArray[np.intp]]:
         """Branch and bound over the candidates that are left, and their order there."""
         matrices = self._pool.matrices(left, self._into)
-        order, parts = similar_first(matrices)
-        left, relaxation = left[order], Relaxation(matrices[order], self._criterion, self._n)
+        order, parts = similar_first(matrices, self.tuning)
+        left, relaxation = left[order], Relaxation(matrices[order], self._criterion, self._n, self.tuning)
         permutations = np.arange(len(left))[None]
         if self._pool.constant is None and self._pool.rows.shape[1] == 1:
-            permutations = symmetries(self._pool.rows[left, 0] @ self._into, self._criterion)
+            permutations = symmetries(self._pool.rows[left, 0] @ self._into, self._criterion, self.tuning)
         assert self.counts is not None
         start = self.counts[left]
         search = BranchAndBound(relaxation, parts, permutations, start, self._limits.gap)
@@ -164,7 +173,7 @@ class ExactSearch:
 
     def _without_copies(self, left: NDArray[np.intp]) -> NDArray[np.intp]:
         """One of those with the same information matrix, that of the best design if there is one."""
-        if not len(left) or len(left) > MOST_LEFT:
+        if not len(left) or len(left) > self.tuning.most_left:
             return left
         matrices = self._pool.matrices(left, self._into).reshape(len(left), -1)
         size = np.maximum(np.linalg.norm(matrices, axis=1), 1e-300)[:, None]
@@ -206,7 +215,7 @@ class ExactSearch:
             if np.isin(own, among).all():
                 starts.append(np.repeat(np.searchsorted(among, own), self.counts[own]))
         average, criteria = Average.of_all(1), [self._criterion]
-        for k in range(STARTS):
+        for k in range(self.tuning.starts):
             first = self._rng.integers(len(among), size=0 if k == 0 else n // 2)
             starts.append(greedy(columns, n, known[None], average, criteria, first))
         return starts

@@ -12,23 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-
-LENGTHS = 4.0 ** np.array([0.5, 0.0, -1.0, -2.0, -4.0, -6.0])
-"""Shares of the step that are tried."""
-
-FIRST = 0.1
-"""Longest first step, as a share of the region's width."""
-
-LEAST_GAIN = 1e-9
-"""As a share of psi, below which an ascent has ended."""
-
-MOST_POLISHED = 0.02
-"""Longest Newton step."""
+from .tuning import RegionTuning
 
 Psi = Callable[[Array], Array]
 
 
-def ascend(psi: Psi, start: Array, difference: float, iterations: int) -> tuple[Array, Array]:
+def ascend(
+    psi: Psi, start: Array, difference: float, iterations: int, tuning: RegionTuning = RegionTuning()
+) -> tuple[Array, Array]:
     """Local maxima z (S, d) in the unit box, and psi there; `psi` is -inf where there is no valid point.
 
     Parameters
@@ -40,8 +31,9 @@ def ascend(psi: Psi, start: Array, difference: float, iterations: int) -> tuple[
     difference : float
         Half the distance over which derivatives are taken.
     iterations : int
+    tuning : RegionTuning, optional
     """
-    z, value = start.copy(), psi(start)
+    z, value, lengths = start.copy(), psi(start), np.array(tuning.ascent_lengths)
     count, d = z.shape
     inverse = np.broadcast_to(np.eye(d), (count, d, d)).copy()
     gradient = _gradient(psi, z, value, difference)
@@ -53,14 +45,14 @@ def ascend(psi: Psi, start: Array, difference: float, iterations: int) -> tuple[
             break
         step = _directions(z[rows], gradient[rows], inverse[rows])
         size = np.abs(step).max(axis=1)
-        longest = np.where(fresh[rows], FIRST, 0.5)
+        longest = np.where(fresh[rows], tuning.first_step, tuning.later_step)
         # A first step has no length of its own; later ones only must not leave the neighbourhood.
         factor = np.where(fresh[rows], longest / np.maximum(size, 1e-300), np.minimum(1.0, longest / np.maximum(size, 1e-300)))
-        tried = np.clip(z[rows, None] + LENGTHS[None, :, None] * (step * factor[:, None])[:, None], 0.0, 1.0)
+        tried = np.clip(z[rows, None] + lengths[None, :, None] * (step * factor[:, None])[:, None], 0.0, 1.0)
         values = psi(tried.reshape(-1, d)).reshape(len(rows), -1)
         best = values.argmax(axis=1)
         gained = values[np.arange(len(rows)), best] - value[rows]
-        better = gained > LEAST_GAIN * np.abs(value[rows])
+        better = gained > tuning.ascent_least_gain * np.abs(value[rows])
         moved = rows[better]
         new = tried[np.flatnonzero(better), best[better]]
         change = new - z[moved]
@@ -78,7 +70,7 @@ def ascend(psi: Psi, start: Array, difference: float, iterations: int) -> tuple[
     return z, value
 
 
-def newton(psi: Psi, z: Array, difference: float) -> Array:
+def newton(psi: Psi, z: Array, difference: float, tuning: RegionTuning = RegionTuning()) -> Array:
     """Places (S, d) after a Newton step to the maximum of psi on the coordinates that no bound stops; psi must not fall."""
     count, d = z.shape
     value = psi(z)
@@ -97,7 +89,7 @@ def newton(psi: Psi, z: Array, difference: float) -> Array:
         block = hessian[k][np.ix_(free, free)]
         if len(free) and np.isfinite(block).all() and np.linalg.eigvalsh(block)[-1] < 0:
             step = np.linalg.solve(block, gradient[k][free])
-            if np.abs(step).max() <= MOST_POLISHED:
+            if np.abs(step).max() <= tuning.longest_newton:
                 result[k, free] = np.clip(z[k, free] - step, 0.0, 1.0)
     return np.where((psi(result) >= value - 1e-6 * np.abs(value))[:, None], result, z)
 

@@ -20,21 +20,10 @@ from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from .relaxation import Box, Counts, Group, Relaxation, Relaxed, best_in_box
 from .symmetries import Permutations
+from .tuning import ExactTuning
 
 WHOLE = 1e-6
 """Largest distance of a count from the whole number that it is taken for."""
-
-MOST_GROUPED = 1000
-"""Number of candidates up to which groups of similar ones are formed from all distances; their table grows with the square."""
-
-TIGHT = 0.6
-"""A group is parted as one where it is so much smaller than the distance to the next one; those of a coarse grid are not."""
-
-REPORTED = 50
-"""Number of nodes between reports of progress."""
-
-SOLVED = 0.02
-"""Tolerance of the relaxed problem, as a share of the distance from the best design."""
 
 
 class _Group(NamedTuple):
@@ -114,7 +103,7 @@ class BranchAndBound:
                 _, _, of, start = heapq.heappop(self._open)
                 self.nodes += 1
                 self._node(self._doing, of, start)
-                if self.nodes % REPORTED == 1:
+                if self.nodes % self.relaxation.tuning.nodes_per_report == 1:
                     report(self.nodes, len(self._open), self.efficiency)
         except KeyboardInterrupt:
             return StopReason.interrupted
@@ -125,7 +114,7 @@ class BranchAndBound:
     def _node(self, known: float, box: Box, start: Array | None) -> None:
         n = self.relaxation.n
         enough = self.value + self.gap
-        tolerance = max(SOLVED * (known - self.value), 0.1 * self.gap)
+        tolerance = max(self.relaxation.tuning.relaxed_tolerance * (known - self.value), 0.1 * self.gap)
         found = self.relaxation.bounded(box, start, enough, tolerance)
         if found is None or found.bound <= enough:
             return
@@ -232,7 +221,7 @@ def _with(groups: tuple[Group, ...], new: Group) -> tuple[Group, ...]:
     return (*(group for group in groups if (group.first, group.end) != (new.first, new.end)), new)
 
 
-def similar_first(matrices: Array) -> tuple[NDArray[np.intp], list[_Group]]:
+def similar_first(matrices: Array, tuning: ExactTuning = ExactTuning()) -> tuple[NDArray[np.intp], list[_Group]]:
     """An order (K,) in which similar candidates lie beside each other, and their groups in this order, single ones too."""
     from scipy.cluster.hierarchy import linkage
 
@@ -240,7 +229,7 @@ def similar_first(matrices: Array) -> tuple[NDArray[np.intp], list[_Group]]:
     if count < 3:
         return np.arange(count), [_Group(k, k + 1, 1.0) for k in range(count)]
     flat = matrices.reshape(count, -1)
-    tree = linkage(flat, method="average") if count <= MOST_GROUPED else _halved(flat)
+    tree = linkage(flat, method="average") if count <= tuning.most_grouped else _halved(flat)
     size = np.concatenate([np.ones(count, dtype=int), tree[:, 3].astype(int)])
     first = np.zeros(2 * count - 1, dtype=int)
     distance = np.zeros(2 * count - 1)
@@ -249,7 +238,7 @@ def similar_first(matrices: Array) -> tuple[NDArray[np.intp], list[_Group]]:
         first[left], first[right] = first[count + k], first[count + k] + size[left]
         distance[left] = distance[right] = max(float(tree[k, 2]), 1e-300)
     within = np.concatenate([np.zeros(count), tree[:, 2]])
-    close = np.flatnonzero(within[: 2 * count - 2] <= TIGHT * distance[: 2 * count - 2])
+    close = np.flatnonzero(within[: 2 * count - 2] <= tuning.tight_share * distance[: 2 * count - 2])
     parts = [_Group(int(first[c]), int(first[c] + size[c]), float(distance[c])) for c in close]
     return np.argsort(first[:count]), parts
 

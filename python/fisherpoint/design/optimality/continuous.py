@@ -1,4 +1,10 @@
-"""Points of a design in the region: maxima of the sensitivity function join the candidates until none is met above its level."""
+"""Points of a design in the region: maxima of the sensitivity function join the candidates until none is met above its level.
+
+Ascents from the support and from good candidates find maxima, which get weights with the others. Then points of the support that
+lie close together are merged and moved, as far as that costs nothing. Climbs at random and ascents from many starts search for
+places above the level; what they find joins the candidates, and where they find nothing the search ends. `RegionTuning` has the
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -18,56 +24,10 @@ from .determinant import Determinant
 from .elfving import moved, smallest_sum
 from .estimable import Estimable
 from .point_rows import PointRows
+from .tuning import RegionTuning, WeightsTuning
 from .unit_box import UnitBox, distinct, groups_within
 from .variance import Variance
-from .weights import REGULAR, Weights, optimal_weights
-
-ABOVE = 1e-3
-"""Share of its level by which climbs and ascents from many starts may exceed the sensitivity function."""
-
-MOST_ROUNDS, MOST_SEARCHES = 15, 30
-
-QUIET = 2
-"""Climbs in a row that find nothing above the level before ascents from many starts are to prove that."""
-
-CLOSE = 1e-6
-"""The rounds end where no maximum near the support exceeds the level by more than this share."""
-
-RADII = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
-"""Shares of the region's width within which points of the support are merged, where that costs nothing."""
-
-MERGING_COSTS = 1e-6
-"""Most that log phi may lose by merging."""
-
-PROGRAM, LEAST_HELD = 20_000, 1e-3
-"""Candidates with the largest sensitivity of the linear program for one function of the parameters; and the share of its sum below
-which a point may only make up for others that are not quite in place."""
-
-SAME = 1e-6
-"""Shares of the region's width within which two places are one."""
-
-POLISHING = 6
-"""Most Newton steps of the support's points."""
-
-WORTH_POLISHING = 0.05
-"""Most that log phi may lose by merging before the points are moved."""
-
-LATEST = 64
-"""Candidates that came last, from which new weights begin."""
-
-NEAR = 40
-"""Candidates with a large sensitivity from which ascents start in each round."""
-
-BESIDE = 100
-"""Candidates with a large sensitivity that may climb beside new ones."""
-
-SHORT, LONG = 25, 60
-"""Iterations of an ascent in the rounds, and of those that search at the end."""
-
-
-BACK = np.array([0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2])
-"""Shares of the way of an ascent that ends where some plants of the prior have no trajectory."""
-
+from .weights import Weights, optimal_weights
 
 Climb = Callable[[Callable[[PointInformation], Array], Experiments], Experiments]
 """Moves points uphill: takes the function to climb, (K,) of points valid at the prior mean, and starts; returns where they end."""
@@ -100,8 +60,9 @@ class _Refining:
         criterion: Criterion,
         weights: Weights,
         report: Callable[[str, int], None],
+        tuning: RegionTuning,
     ) -> None:
-        self.report = report
+        self.report, self.tuning = report, tuning
         self.box, self.source, self.criterion = UnitBox(source), source, criterion
         self.points, self.pool, self.weights = points, pool, weights
         self.space = weights.estimable
@@ -119,21 +80,22 @@ class _Refining:
     def climbed(self, climb: Climb, start: Experiments) -> tuple[Array, Array]:
         """Where points have climbed to, some from the start, and the sensitivity there; again while none is above the level."""
         z, value = np.empty((0, len(self.box.free))), np.empty(0)
-        for _ in range(QUIET):
+        for _ in range(self.tuning.quiet_climbs):
             self.report("searching", len(self.pool))
             reached = self.box.places(climb(lambda points: self._along(self.source.whitened(points)), start))
             z, value = np.concatenate([z, reached]), np.append(value, self.psi(reached, True))
-            if value.max(initial=0.0) > 1.0 + ABOVE:
+            if value.max(initial=0.0) > 1.0 + self.tuning.above:
                 break
         return z, value
 
     def peaks(self, start: Array, iterations: int) -> tuple[Array, Array]:
         """Where ascents end, and the sensitivity there, of points that are valid on all nodes."""
-        z, value = ascend(self.psi, start, self.box.difference, iterations)
-        worth = np.flatnonzero(value > 1.0 - ABOVE)
+        z, value = ascend(self.psi, start, self.box.difference, iterations, self.tuning)
+        worth = np.flatnonzero(value > 1.0 - self.tuning.above)
         outside = worth[~np.isfinite(self.psi(z[worth], True))]
         if len(outside):  # the mean alone does not show where the prior's plants end: back on the way, to where all of them run
-            tried = start[outside, None] + BACK[None, :, None] * (z[outside] - start[outside])[:, None]
+            back = np.array(self.tuning.back_shares)
+            tried = start[outside, None] + back[None, :, None] * (z[outside] - start[outside])[:, None]
             values = self.psi(tried.reshape(-1, z.shape[1]), True).reshape(len(outside), -1)
             best = values.argmax(axis=1)
             z[outside], value[outside] = tried[np.arange(len(outside)), best], values[np.arange(len(outside)), best]
@@ -143,7 +105,8 @@ class _Refining:
         self.report("weighing", len(self.pool))
         first = None
         if isinstance(self.criterion, Determinant) and self.criterion.whole:  # optima of others may be singular, which is no start
-            first = np.union1d(self.weights.chosen, np.arange(max(0, len(self.pool) - LATEST), len(self.pool)))
+            latest = np.arange(max(0, len(self.pool) - self.tuning.latest_candidates), len(self.pool))
+            first = np.union1d(self.weights.chosen, latest)
         new = optimal_weights(self.pool, self.criterion, tolerance=tolerance, space=self.space, first=first)
         if new.log_phi >= self.weights.log_phi - tolerance:  # what was found before is among the candidates still
             self.weights = new
@@ -156,9 +119,9 @@ class _Refining:
 
     def add_new(self, z: Array, value: Array) -> bool:
         """Add those places that no candidate is at already; whether there are any."""
-        places = distinct(z, value, SAME)
+        places = distinct(z, value, self.tuning.same_place)
         known = self.box.places(self.points)
-        new = np.array([np.abs(known - one).max(axis=1).min() > SAME for one in places])
+        new = np.array([np.abs(known - one).max(axis=1).min() > self.tuning.same_place for one in places])
         if new.any():
             self.add(places[new])
         return bool(new.any())
@@ -166,12 +129,12 @@ class _Refining:
     def settle(self, tolerance: float) -> None:
         """Add the maxima near the support and near good candidates until none is above the level."""
         highest = np.inf
-        for k in range(MOST_ROUNDS):
+        for k in range(self.tuning.most_rounds):
             along = self.pool.along(self.weights.half)
-            good = np.argsort(-along)[:NEAR]
+            good = np.argsort(-along)[: self.tuning.ascents_per_round]
             start = self.box.places(self.points[np.union1d(self.weights.chosen, good)])
-            z, value = self.peaks(start, SHORT)
-            above = value > 1.0 + min(CLOSE, 10 * tolerance)
+            z, value = self.peaks(start, self.tuning.round_iterations)
+            above = value > 1.0 + min(self.tuning.close, 10 * tolerance)
             if k % 3 == 0:
                 if value.max() - 1.0 > 0.5 * highest:  # no closer than three rounds ago
                     return
@@ -190,7 +153,7 @@ class _Refining:
             largest = float(self.pool.along(one.half).max())
             found.append((one.log_bound - np.log(one.largest) + np.log(largest), one, largest))
         own_bound, others = found
-        return own_bound[1:] if own_bound[0] <= others[0] + MERGING_COSTS else others[1:]
+        return own_bound[1:] if own_bound[0] <= others[0] + self.tuning.merging_loss else others[1:]
 
     def merged(self, tolerance: float) -> _Support:
         """The support with points that lie close together taken for one, as far as that costs nothing."""
@@ -198,7 +161,8 @@ class _Refining:
             return of_function
         chosen, w = self.weights.chosen, self.weights.weights
         z, best = self.box.places(self.points[chosen]), _Support(self.points[chosen], self.pool.rows[chosen], self.weights)
-        for radius in RADII:
+        tuning = self.tuning
+        for radius in tuning.merge_radii:
             group = groups_within(z, radius)
             if group.max() + 1 == len(z):
                 break
@@ -209,15 +173,15 @@ class _Refining:
             if len(places) < len(points):
                 continue
             some = self._weights_of(points, rows, tolerance)
-            if some.weights.log_phi >= self.weights.log_phi - WORTH_POLISHING:
+            if some.weights.log_phi >= self.weights.log_phi - tuning.worth_polishing:
                 some = self._polished(some, tolerance)
-                if some.weights.log_phi >= self.weights.log_phi - MERGING_COSTS:
+                if some.weights.log_phi >= self.weights.log_phi - tuning.merging_loss:
                     return some
         return self._polished(best, tolerance)
 
     def _of_function(self) -> _Support | None:
         """The support by Elfving's theorem, where it holds: of the fewest points that do not lose anything; None elsewhere."""
-        criterion, pool = self.criterion, self.pool
+        criterion, pool, tuning = self.criterion, self.pool, self.tuning
         if (
             not (isinstance(criterion, Variance) and criterion.k.shape[1] == 1 and pool.rows.shape[1] == 1)
             or pool.constant is not None
@@ -231,7 +195,7 @@ class _Refining:
             return None
         near, b, _ = program
         z = self.box.places(self.points[near])
-        for radius, least in itertools.product((*RADII, 0.0), (LEAST_HELD, 0.0)):
+        for radius, least in itertools.product((*tuning.merge_radii, 0.0), (tuning.least_held, 0.0)):
             group = groups_within(z, radius)
             numbers = [k for k in range(int(group.max()) + 1) if abs(b[group == k].sum()) > least * np.abs(b).sum()]
             if any(np.ptp(np.sign(b[group == k])) for k in numbers):
@@ -239,7 +203,7 @@ class _Refining:
             of = np.array([b[group == k].sum() for k in numbers])
             centre = np.array([np.average(z[group == k], axis=0, weights=np.abs(b[group == k])) for k in numbers])
             found = moved(self._rows_inside, centre, of, c, self.box.difference)
-            if found is None or -2 * np.log(np.abs(found[1]).sum()) < self.weights.log_phi - MERGING_COSTS:
+            if found is None or -2 * np.log(np.abs(found[1]).sum()) < self.weights.log_phi - tuning.merging_loss:
                 continue
             self.add_new(found[0], np.ones(len(found[0])))
             again = self._program(c)
@@ -251,7 +215,7 @@ class _Refining:
     def _program(self, c: Array) -> tuple[Places, Array, Array] | None:
         """Candidates with a part in the smallest sum, their parts, and the plane that proves it among candidates."""
         along = self.pool.along(self.weights.half)
-        near = np.union1d(self.weights.chosen, np.argsort(-along, kind="stable")[:PROGRAM])
+        near = np.union1d(self.weights.chosen, np.argsort(-along, kind="stable")[: self.tuning.program_candidates])
         found = smallest_sum(self.pool.rows[near, 0] @ self.space.into, c)
         if found is None:
             return None
@@ -305,10 +269,10 @@ class _Refining:
 
     def _polished(self, support: _Support, tolerance: float) -> _Support:
         """Return a support with its points moved to maxima of the sensitivity function, to a precision at which that is flat."""
-        for _ in range(POLISHING):
+        for _ in range(self.tuning.newton_steps):
             before = self.weights
             self.weights, _ = self.bounding(support.weights)
-            z = newton(self.psi, self.box.places(support.points), self.box.difference)
+            z = newton(self.psi, self.box.places(support.points), self.box.difference, self.tuning)
             self.weights = before
             points = self.box.points(z)
             rows, places = self.source.valid(points)
@@ -332,6 +296,7 @@ def refined(
     rng: np.random.Generator,
     climb: Climb | None,
     report: Callable[[str, int], None],
+    tuning: RegionTuning = RegionTuning(),
 ) -> Refinement:
     """Move the support in the region until ascents from so many starts meet nothing above the level.
 
@@ -340,10 +305,10 @@ def refined(
 
     The bound of the efficiency is by the largest sensitivity among all candidates and wherever an ascent or a climb has ended.
     """
-    work = _Refining(source, points, pool, criterion, weights, report)
+    work = _Refining(source, points, pool, criterion, weights, report, tuning)
     if not len(work.box.free):
         return Refinement(points[weights.chosen], pool.rows[weights.chosen], weights, len(pool), 0)
-    for search in range(MOST_SEARCHES):
+    for search in range(tuning.most_searches):
         work.settle(tolerance)
         support, rows, final = work.merged(tolerance)
         # What bounds the optimum is the sensitivity function of the merged design where that has one, else the candidates'.
@@ -351,18 +316,18 @@ def refined(
         work.weights, _ = work.bounding(final)
         slope = work.weights.log_bound - float(np.log(work.weights.largest))
         along = work.pool.along(work.weights.half)
-        z, value, last = np.empty((0, len(work.box.free))), np.empty(0), search == MOST_SEARCHES - 1
+        z, value, last = np.empty((0, len(work.box.free))), np.empty(0), search == tuning.most_searches - 1
         if climb is not None:
-            best = np.argsort(-along, kind="stable")[:BESIDE]
+            best = np.argsort(-along, kind="stable")[: tuning.climbing_beside]
             z, value = work.climbed(climb, Experiments.join([support, work.points[best]]))
-        if last or value.max(initial=0.0) <= 1.0 + ABOVE:
+        if last or value.max(initial=0.0) <= 1.0 + tuning.above:
             first = _starts(work, support, along, starts, rng)
-            ended = work.peaks(first, LONG)
+            ended = work.peaks(first, tuning.proof_iterations)
             z, value = np.concatenate([z, ended[0]]), np.append(value, ended[1])
         largest = max(float(along.max()), float(value[np.isfinite(value)].max(initial=0.0)))
-        if last or largest <= 1.0 + ABOVE:
+        if last or largest <= 1.0 + tuning.above:
             break
-        above = value > 1.0 + CLOSE
+        above = value > 1.0 + tuning.close
         work.weights = of_pool
         work.add_new(z[above], value[above])
         work.solve(tolerance)
@@ -392,7 +357,7 @@ def _completing(some: CandidateRows, pool: CandidateRows, space: Estimable) -> P
     matrix = some.matrices(np.arange(len(some)), space.into).mean(axis=0)
     for _ in range(space.rank):
         values, vectors = np.linalg.eigh(matrix)
-        if values[0] > REGULAR:
+        if values[0] > WeightsTuning().regular:
             break
         beside = np.append(beside, int(np.argmax(pool.along(space.into @ vectors[:, :1]))))
         matrix = matrix + pool.matrices(beside[-1:], space.into)[0]

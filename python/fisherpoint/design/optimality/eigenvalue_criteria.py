@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...basics.values import Array
+from ..average import SOFTNESS
 from .criteria import SINGULAR, Criterion, Slope, half_solved, padded
 from .estimable import Estimable
 from .rank_updates import eigenvalues, largest_at_least, smallest_at_most
-
-SOFTNESS = 0.02
-"""Relative distance of eigenvalues over which their minimum is smoothed, so that ascents have a derivative."""
 
 
 @dataclass(frozen=True, eq=False)

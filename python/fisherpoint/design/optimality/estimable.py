@@ -14,6 +14,15 @@ from ...information.null_space import column_scaled_svd, without_rounding
 RANK_TOLERANCE = 1e-9
 """Singular values of the column-scaled sensitivities below this share of the largest count as zero."""
 
+RIDGE = 1e-9
+"""Share of the prior's information, or of that of all candidates, that is added to F while a design is singular.
+
+So singular designs can be compared; reports say where it was.
+"""
+
+SINGULAR = 1e-13
+"""Eigenvalue of the information of all candidates, scaled to order one, below which a combination is not estimable."""
+
 
 @dataclass(frozen=True, eq=False)
 class Estimable:

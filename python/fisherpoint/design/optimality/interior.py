@@ -13,29 +13,15 @@ import numpy as np
 from ...basics.values import Array
 from .criteria import Criterion, Slope
 from .inner import Inner, inner_of, mean_of
-
-MOST_STEPS, MOST_IDLE = 200, 20
-"""Steps, and steps in a row in which the gap does not fall by a tenth, after which double precision has no more."""
-
-MULTIPLIED, EVEN, LEAST, EQUAL = 30, 1.5, 1e-4, 1e-3
-"""Multiplications of the weights before the first step, the sensitivity from which on there are none, the least factor squared, and
-the share that stays spread over all.
-
-Newton steps from equal weights are short where a few matrices are far larger than the others. So are those from weights that are
-next to nothing, as they are not to become negative.
-"""
-
-TO_THE_BOUNDARY = 0.99
-SHRINKING = 0.1
-"""Factor of mu in each step."""
+from .tuning import WeightsTuning
 
 
-def best_weights(matrices: Array, criterion: Criterion, gap: float) -> tuple[Array, Slope]:
+def best_weights(matrices: Array, criterion: Criterion, gap: float, tuning: WeightsTuning = WeightsTuning()) -> tuple[Array, Slope]:
     """Weights (m,) of matrices (m, p, p) with a regular mean, such that max_i tr(G F_i) <= 1 + gap; and the derivatives.
 
     Where rounding keeps the gap from being reached, the best weights that were met.
     """
-    w = _multiplied(matrices, criterion)
+    w = _multiplied(matrices, criterion, tuning)
     inner = inner_of(criterion, matrices, w)
     g = inner.sensitivity
     nu = 1.1 * float(g.max())
@@ -43,33 +29,33 @@ def best_weights(matrices: Array, criterion: Criterion, gap: float) -> tuple[Arr
     inner.begin(float(w @ s) / len(w))
     best, smallest = (w, inner), np.inf
     idle, since = 0, np.inf  # the gap before the first of the idle steps: small ones add up
-    for _ in range(MOST_STEPS):
+    for _ in range(tuning.most_steps):
         above = inner.gap
         idle, since = (0, above) if above < 0.9 * since else (idle + 1, since)
         if above < smallest:
             best, smallest = (w / w.sum(), inner), above
-        if above <= gap or idle > MOST_IDLE:
+        if above <= gap or idle > tuning.most_idle_steps:
             break
-        mu = SHRINKING * (float(w @ s) + inner.products) / (len(w) + inner.pairs)
+        mu = tuning.shrinking * (float(w @ s) + inner.products) / (len(w) + inner.pairs)
         step = _newton(inner, w, s, mu)
         if step is None:
             break
-        moved = _moved((w, s, nu, inner), step, mu)
+        moved = _moved((w, s, nu, inner), step, mu, tuning.boundary_share)
         if moved is None:
             break
         w, s, nu, inner = moved
     return best[0], best[1].slope
 
 
-def _multiplied(matrices: Array, criterion: Criterion) -> Array:
+def _multiplied(matrices: Array, criterion: Criterion, tuning: WeightsTuning) -> Array:
     """Weights to begin with: multiplications raise phi (Silvey, Titterington and Torsney 1978)."""
     w = np.full(len(matrices), 1.0 / len(matrices))
-    for _ in range(MULTIPLIED):
+    for _ in range(tuning.multiplications):
         g = criterion.slope(mean_of(matrices, w), 1.0 / matrices.shape[1]).along(matrices)
-        if g.max() < EVEN:
+        if g.max() < tuning.even_sensitivity:
             break
-        w = w * np.sqrt(np.maximum(g, LEAST))
-        w = (1 - EQUAL) * w / w.sum() + EQUAL / len(w)
+        w = w * np.sqrt(np.maximum(g, tuning.least_multiplier))
+        w = (1 - tuning.spread_share) * w / w.sum() + tuning.spread_share / len(w)
     return w
 
 
@@ -101,11 +87,13 @@ def _newton(inner: Inner, w: Array, s: Array, mu: float) -> _Step | None:
     return dw, mu / w - s - s / w * dw, nu, inner.direction(dw, dt, mu)
 
 
-def _moved(at: tuple[Array, Array, float, Inner], step: _Step, mu: float) -> tuple[Array, Array, float, Inner] | None:
+def _moved(
+    at: tuple[Array, Array, float, Inner], step: _Step, mu: float, boundary_share: float
+) -> tuple[Array, Array, float, Inner] | None:
     """The longest step on which all that must be positive stays so and the residuals shrink."""
     (w, s, nu, inner), (dw, ds, new_nu, beside) = at, step
     falling = max(float(np.concatenate([-dw / w, -ds / s]).max()), inner.falling(beside))
-    length = min(1.0, TO_THE_BOUNDARY / max(falling, 1e-300))
+    length = min(1.0, boundary_share / max(falling, 1e-300))
     now = _residual(at, mu)
     for _ in range(40):
         new = w + length * dw, s + length * ds, nu + length * (new_nu - nu)

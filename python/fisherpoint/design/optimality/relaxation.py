@@ -20,26 +20,9 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from .criteria import Criterion, Slope
 from .inner import mean_of
+from .tuning import ExactTuning
 
 Counts = NDArray[np.int64]
-
-MOST_STEPS = 40
-TO_THE_BOUNDARY, SHRINKING = 0.99, 0.1
-
-TOWARDS_THE_MIDDLE = 0.3
-"""Share of the way from the previous node's solution to the middle, so that the first point is well inside the bounds."""
-
-WORKING, ROUNDS = 120, 4
-"""Candidates that the method is given at first and how often others follow; the bound is over all."""
-
-SMOOTHED = 1e-6, 1e-2
-"""Smoothing of kinks, as a share."""
-
-RIDGES = 0.0, 1e-12, 1e-9, 1e-6
-"""Shares of the mean eigenvalue that are added to a singular matrix for a derivative."""
-
-WIDER = 1e-7
-"""Amount by which the bounds of groups are widened inside the method, as the least and the most may be equal."""
 
 
 class Group(NamedTuple):
@@ -102,9 +85,11 @@ class Relaxation:
         Of these.
     n : int
         What the counts sum to.
+    tuning : ExactTuning, optional
     """
 
-    def __init__(self, matrices: Array, criterion: Criterion, n: int) -> None:
+    def __init__(self, matrices: Array, criterion: Criterion, n: int, tuning: ExactTuning = ExactTuning()) -> None:
+        self.tuning = tuning
         self.matrices, self.criterion, self.n = matrices, criterion, n
         self._flat = matrices.reshape(len(matrices), -1)
 
@@ -114,7 +99,7 @@ class Relaxation:
         Ends early where the bound is below what is `enough`.
         """
         x = self._inside(box, start)
-        slope = self._slope(x, SMOOTHED[1])
+        slope = self._slope(x, self.tuning.smoothing[1])
         if slope is None:
             return None
         free = np.flatnonzero(box.most > box.least)
@@ -122,14 +107,14 @@ class Relaxation:
         if not len(free):
             return best
         some = free
-        if len(free) > 1.5 * WORKING:
+        if len(free) > 1.5 * self.tuning.working_candidates:
             some = self._promising(free, best, x - box.least)
             fewer = self._inside(box, x, some)
-            if self._slope(fewer, SMOOTHED[1]) is None:
+            if self._slope(fewer, self.tuning.smoothing[1]) is None:
                 some = free
             else:
                 x = fewer
-        for _ in range(ROUNDS):
+        for _ in range(self.tuning.working_rounds):
             best, x = self._solved(box, some, x, enough, tolerance, best)
             if best.bound <= enough or len(some) == len(free):
                 break
@@ -137,13 +122,13 @@ class Relaxation:
             more = np.setdiff1d(wanted, some)
             if not len(more):
                 break
-            some = np.union1d(some, more[np.argsort(-best.prices[more], kind="stable")[:WORKING]])
+            some = np.union1d(some, more[np.argsort(-best.prices[more], kind="stable")[: self.tuning.working_candidates]])
             x = self._inside(box, x, some)
         return best
 
     def _promising(self, free: NDArray[np.intp], best: Relaxed, above: Array) -> NDArray[np.intp]:
-        order = np.argsort(-best.prices[free], kind="stable")[:WORKING]
-        held = np.argsort(-above[free], kind="stable")[: WORKING // 2]
+        order = np.argsort(-best.prices[free], kind="stable")[: self.tuning.working_candidates]
+        held = np.argsort(-above[free], kind="stable")[: self.tuning.working_candidates // 2]
         return np.union1d(free[order], free[held])
 
     def _price(self, box: Box, at: Relaxed) -> float:
@@ -160,7 +145,8 @@ class Relaxation:
         middle = least + room * ((self.n - least.sum()) / max(room.sum(), 1.0))
         if start is None:
             return np.asarray(middle)
-        x = (1 - TOWARDS_THE_MIDDLE) * np.clip(start, least, most) + TOWARDS_THE_MIDDLE * middle
+        share = self.tuning.middle_share
+        x = (1 - share) * np.clip(start, least, most) + share * middle
         left = self.n - x.sum()
         room = most - x if left > 0 else x - least
         return np.asarray(x + left * room / max(room.sum(), 1e-300))
@@ -169,7 +155,7 @@ class Relaxation:
         """The derivative at the counts; where these determine too little, next to them, where the bound holds too."""
         matrix = mean_of(self.matrices, x)
         size = float(np.trace(matrix)) / len(matrix)
-        for ridge in RIDGES:
+        for ridge in self.tuning.ridges:
             try:
                 return self.criterion.slope(matrix + ridge * size * np.eye(len(matrix)), share)
             except np.linalg.LinAlgError:
@@ -195,15 +181,15 @@ class Relaxation:
         others = np.ones(len(x), dtype=bool)
         others[some] = False
         held = np.array([float(x[g.first : g.end][others[g.first : g.end]].sum()) for g in box.groups])
-        lo = np.array([g.least for g in box.groups]) - held - WIDER
-        hi = np.array([g.most for g in box.groups]) - held + WIDER
+        lo = np.array([g.least for g in box.groups]) - held - self.tuning.group_widening
+        hi = np.array([g.most for g in box.groups]) - held + self.tuning.group_widening
         t = np.clip(of @ x[some], lo + 0.1 * (hi - lo), hi - 0.1 * (hi - lo))
         matrices, total, now = self.matrices[some], float(x[some].sum()), x.copy()
-        slope = self._slope(now, SMOOTHED[1])
+        slope = self._slope(now, self.tuning.smoothing[1])
         mu = share = 0.0
         a = b = np.empty(0)
         c = d = np.zeros(len(t))
-        for step in range(MOST_STEPS):
+        for step in range(self.tuning.relaxed_steps):
             if slope is None:
                 break
             at = self._at(box, now.copy(), slope, c - d)
@@ -217,14 +203,14 @@ class Relaxation:
                 a, b, c, d = mu / below, mu / above, mu / under, mu / over
             else:
                 pairs = 2 * (len(w) + len(t))
-                mu = SHRINKING * float(a @ below + b @ above + c @ under + d @ over) / pairs
+                mu = self.tuning.shrinking * float(a @ below + b @ above + c @ under + d @ over) / pairs
             moved = _step(slope, matrices, of, (w, t, low, high, lo, hi), (a, b, c, d), mu, total)
             if moved is None:
                 break
             dw, dt, *changes = moved
-            length = _longest((below, above, under, over), (dw, -dw, dt, -dt))
-            of_duals = _longest((a, b, c, d), tuple(changes))
-            share = float(np.clip(0.1 * (at.bound - slope.log_phi), *SMOOTHED))
+            length = _longest((below, above, under, over), (dw, -dw, dt, -dt), self.tuning.boundary_share)
+            of_duals = _longest((a, b, c, d), tuple(changes), self.tuning.boundary_share)
+            share = float(np.clip(0.1 * (at.bound - slope.log_phi), *self.tuning.smoothing))
             for _ in range(8):
                 tried = now.copy()
                 tried[some] = w + length * dw
@@ -282,7 +268,7 @@ def _step(
     )
 
 
-def _longest(sizes: tuple[Array, ...], changes: tuple[Array, ...]) -> float:
+def _longest(sizes: tuple[Array, ...], changes: tuple[Array, ...], boundary_share: float) -> float:
     """The length of a step on which all sizes stay positive."""
     falling = max(float(np.max(-change / size, initial=0.0)) for size, change in zip(sizes, changes, strict=True))
-    return min(1.0, TO_THE_BOUNDARY / max(falling, 1e-300))
+    return min(1.0, boundary_share / max(falling, 1e-300))

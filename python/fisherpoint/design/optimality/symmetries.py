@@ -16,19 +16,19 @@ from ...basics.values import Array
 from .criteria import Criterion
 from .determinant import Determinant
 from .eigenvalue_criteria import SmallestEigenvalue
+from .tuning import ExactTuning
 from .variance import Variance
 
 Permutations = NDArray[np.intp]
 
-MOST_CANDIDATES, MOST_PERMUTATIONS, MOST_TRIES = 300, 2000, 100_000
 ALIKE = 1e-8
 
 
-def symmetries(rows: Array, criterion: Criterion) -> Permutations:
+def symmetries(rows: Array, criterion: Criterion, tuning: ExactTuning = ExactTuning()) -> Permutations:
     """Permutations (G, K) of rows (K, p), the identity among them."""
     count = len(rows)
     identity = np.arange(count)[None]
-    if not 1 < count <= MOST_CANDIDATES or np.linalg.matrix_rank(rows) < rows.shape[1]:
+    if not 1 < count <= tuning.most_symmetric_candidates or np.linalg.matrix_rank(rows) < rows.shape[1]:
         return identity
     whitened = np.linalg.qr(rows)[0]  # where rows are nearly dependent, M has lost too many digits to be factored
     products = whitened @ whitened.T
@@ -36,7 +36,7 @@ def symmetries(rows: Array, criterion: Criterion) -> Permutations:
     base = _base(sizes)
     if base is None:
         return identity
-    search = _Images(products, sizes, base)
+    search = _Images(products, sizes, base, tuning)
     search.extend([])
     kept = [one for one, signs in search.found if _keeps(criterion, rows, signs[:, None] * rows[one])]
     return np.array(kept) if kept else identity
@@ -76,13 +76,14 @@ def _numbered(columns: Array) -> NDArray[np.intp]:
 class _Images:
     """Images of the base, one row after the other, which say where all others go."""
 
-    def __init__(self, products: Array, sizes: Array, base: list[int]) -> None:
+    def __init__(self, products: Array, sizes: Array, base: list[int], tuning: ExactTuning) -> None:
+        self.tuning = tuning
         self.products, self.sizes, self.base = products, sizes, base
         self.found: list[tuple[NDArray[np.intp], Array]] = []
         self.tries = 0
 
     def extend(self, images: list[int]) -> None:
-        if len(self.found) >= MOST_PERMUTATIONS or self.tries >= MOST_TRIES:
+        if len(self.found) >= self.tuning.most_permutations or self.tries >= self.tuning.most_symmetry_tries:
             return
         self.tries += 1
         if len(images) == len(self.base):

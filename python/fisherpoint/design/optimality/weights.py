@@ -1,8 +1,9 @@
 """The best weights of many candidates: weights of a small set, and rounds that add those that would help most.
 
-The weights of a working set are found by an interior point method; then the sensitivity function of all candidates says which of
-the others to take in, and how far from the optimum over all of them the weights are. Those with the largest are looked at alone
-until they improve nothing more, before all are evaluated again. Candidates that cannot be part of any optimum are deleted.
+An interior point method finds the weights of a working set. The sensitivity function of all candidates then bounds how far these
+are from the optimum over all, and shows which candidates join. Between evaluations of all, only those with the largest sensitivity
+are evaluated, until they improve nothing more. For "D", candidates that cannot be part of any optimum are deleted. At the end
+candidates that hardly count are dropped. `WeightsTuning` has the numbers.
 """
 
 from __future__ import annotations
@@ -21,47 +22,10 @@ from .determinant import Determinant
 from .estimable import Estimable, estimable
 from .inner import mean_of
 from .interior import best_weights
-
-FIRST, ADDED = 96, 48
-"""Candidates of the first working set, and most that each round adds."""
-
-ENOUGH, LOOKS = 6, 3
-"""Least number of candidates that a round adds, where so many helpful ones are allowed; and how often it looks for some that are
-no copies of others."""
+from .tuning import WeightsTuning
 
 HELPS = 1.0 - 1e-9
 """Least sensitivity of a candidate that may help."""
-
-MOST_CHECKED = 768
-"""Batch size of the validity check when most candidates fail it."""
-
-ALIKE, MOST_ALIKE, SAME = 0.1, 0.01, 1e-9
-"""Information matrices are taken for one in a working set where they differ by less than a share of themselves: so much of the gap,
-and within these two; other than for "D", where the optimum may be singular and little makes a great difference, the last.
-
-A copy adds nothing, and the weights of many copies are not unique: the interior point method then ends far from the optimum.
-"""
-
-NEAR, MUCH_CLOSER = 4096, 0.3
-"""Number of candidates that are looked at alone, and the share of the gap they may leave before all are evaluated again."""
-
-FEWER = 0.3
-"""Compact the array once this share remains; scanning all is cheaper than copying oftener."""
-
-LARGE = 128
-"""Candidates of a working set from which on those that hardly count leave it."""
-
-REGULAR = 1e-6
-"""Smallest eigenvalue of the mean of a working set, next to the mean of all candidates, which has 1."""
-
-MOST_ROUNDS, MOST_IDLE = 300, 12
-"""Rounds, and rounds in a row in which the gap does not fall by a tenth, after which double precision has no more."""
-
-SEARCHED, DROPPED = 0.8, 0.1
-"""Shares of the tolerance: how far the weights are searched, and what may be lost where those that hardly count are dropped."""
-
-LEAST_WEIGHTS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-11)
-"""Weights below which a candidate is dropped in the end, where that costs no more than so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +73,7 @@ def optimal_weights(
     space: Estimable | None = None,
     first: Places | None = None,
     allowed: Callable[[Places], NDArray[np.bool_]] | None = None,
+    tuning: WeightsTuning = WeightsTuning(),
 ) -> Weights:
     """Find the weights with the best criterion.
 
@@ -128,6 +93,7 @@ def optimal_weights(
     allowed : callable, optional
         Takes candidates that would have a weight and returns which of them may; the first may. Others are left out, of the bound of
         the optimum too. Default: all may.
+    tuning : WeightsTuning, optional
 
     Returns
     -------
@@ -136,10 +102,11 @@ def optimal_weights(
     """
     space = estimable(candidates.triangle()) if space is None else space
     inner = criterion.within(space)
-    search = _WeightSearch(candidates, inner, space, tolerance, allowed)
+    search = _WeightSearch(candidates, inner, space, tolerance, allowed, tuning)
     if first is None:
-        first = np.sort(np.random.default_rng(seed).choice(len(candidates), min(FIRST, len(candidates)), replace=False))
-    search.run(search.regular(search.unlike(first, np.empty(0, dtype=np.intp), SAME)))
+        count = min(tuning.first_candidates, len(candidates))
+        first = np.sort(np.random.default_rng(seed).choice(len(candidates), count, replace=False))
+    search.run(search.regular(search.unlike(first, np.empty(0, dtype=np.intp), tuning.same)))
     return search.found()
 
 
@@ -153,7 +120,9 @@ class _WeightSearch:
         space: Estimable,
         tolerance: float,
         allowed: Callable[[Places], NDArray[np.bool_]] | None,
+        tuning: WeightsTuning,
     ) -> None:
+        self.tuning = tuning
         self.candidates, self.criterion, self.space, self.tolerance = candidates, criterion, space, tolerance
         self.allowed, self.excluded = allowed, np.zeros(len(candidates), dtype=bool)
         self.stored, self.places = candidates, np.arange(len(candidates))
@@ -166,12 +135,14 @@ class _WeightSearch:
         gap = smallest = of_all = since = np.inf
         idle = 0
         near: _Near | None = None
-        while self.rounds < MOST_ROUNDS and idle < MOST_IDLE and smallest > SEARCHED * self.tolerance:
+        tuning = self.tuning
+        searched = tuning.searched_share * self.tolerance
+        while self.rounds < tuning.most_rounds and idle < tuning.most_idle_rounds and smallest > searched:
             before = working
             self.rounds += 1
             matrices = self.candidates.matrices(working, self.space.into)
             precision = self._precision(gap)
-            weights, slope = best_weights(matrices, self.criterion, precision)
+            weights, slope = best_weights(matrices, self.criterion, precision, tuning)
             evaluated = near or _Near(self.stored, self.places)
             along = evaluated.candidates.along(self.space.into @ slope.half)
             along[self.excluded[evaluated.places]] = -np.inf
@@ -185,11 +156,12 @@ class _WeightSearch:
                 if self.deletes:
                     along = self._delete(along, gap)
                 near = self._near(along)
-            elif gap <= max(0.5 * self.tolerance, MUCH_CLOSER * of_all):
+            elif gap <= max(0.5 * self.tolerance, tuning.much_closer * of_all):
                 near = None
             kept = (slope.along(matrices) > 1.0 - max(10 * gap, 1e-3)) | (weights > 1e-4)
             missed = float(slope.along(matrices).max()) - 1.0 > precision
-            if (len(working) > LARGE or missed) and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > REGULAR:
+            fewer = len(working) > tuning.large_working_set or missed
+            if fewer and np.linalg.eigvalsh(matrices[kept].mean(axis=0))[0] > tuning.regular:
                 working = working[kept]
             working = np.union1d(working, added)
             if np.array_equal(working, before):
@@ -203,9 +175,10 @@ class _WeightSearch:
 
     def _near(self, along: Array) -> _Near | None:
         """The candidates with the largest sensitivity; None where there are hardly more."""
-        if len(along) < 2 * NEAR:
+        count = self.tuning.near_candidates
+        if len(along) < 2 * count:
             return None
-        few = np.sort(np.argpartition(-along, NEAR)[:NEAR])
+        few = np.sort(np.argpartition(-along, count)[:count])
         return _Near(CandidateRows(self.stored.rows[few], self.candidates.constant), self.places[few])
 
     def regular(self, working: Places) -> Places:
@@ -213,7 +186,7 @@ class _WeightSearch:
         for _ in range(self.space.rank):
             matrix = self.candidates.matrices(working, self.space.into).mean(axis=0)
             values, vectors = np.linalg.eigh(matrix)
-            if values[0] > REGULAR:
+            if values[0] > self.tuning.regular:
                 break
             taken = np.empty(0, dtype=np.intp)
             while not len(taken) and not self.excluded.all():
@@ -228,24 +201,25 @@ class _WeightSearch:
 
         Where most may not, more are tried: without any the weights would stay as they are, and be computed once more.
         """
-        added, left = np.empty(0, dtype=np.intp), along.copy()
-        share = float(np.clip(ALIKE * (along.max() - 1.0), SAME, MOST_ALIKE)) if self.deletes else SAME
-        looks, many = 0, ADDED
-        while len(added) < ENOUGH and looks < LOOKS and len(wanted := _helpful(left, many)):
+        added, left, tuning = np.empty(0, dtype=np.intp), along.copy(), self.tuning
+        share, looks, many = tuning.same, 0, tuning.most_added
+        if self.deletes:
+            share = float(np.clip(tuning.alike_share_of_gap * (along.max() - 1.0), tuning.same, tuning.most_alike))
+        while len(added) < tuning.least_added and looks < tuning.looks_for_more and len(wanted := _helpful(left, many)):
             taken = self._taken(places[wanted])
             along_taken = left[wanted[np.isin(places[wanted], taken)]]
-            best_first = taken[np.argsort(-along_taken, kind="stable")][:ADDED]
+            best_first = taken[np.argsort(-along_taken, kind="stable")][: tuning.most_added]
             beside = np.union1d(working, added)
             new = self.unlike(best_first, beside, share, slope)
             if not len(new) and not len(added):  # no weights are as good as those of what is alike, but not the same
-                new = self.unlike(best_first, beside, SAME)
+                new = self.unlike(best_first, beside, tuning.same)
             added = np.union1d(added, new)
-            if len(taken) >= min(len(wanted), ADDED):
+            if len(taken) >= min(len(wanted), tuning.most_added):
                 if len(added):
                     break
                 looks += 1
             elif len(taken) < len(wanted) / 2:
-                many = min(2 * many, MOST_CHECKED)
+                many = min(2 * many, tuning.most_checked)
             left[wanted] = -np.inf
         along[self.excluded[places]] = -np.inf
         return added
@@ -281,7 +255,7 @@ class _WeightSearch:
     def _delete(self, along: Array, gap: float) -> Array:
         """What is left of tr(G F_i) where what cannot have a weight is deleted."""
         self.possible &= along >= least_sensitivity(gap, self.space.rank) * (1 - 1e-9)
-        if self.possible.mean() < FEWER:
+        if self.possible.mean() < self.tuning.compact_share:
             self.places, along = self.places[self.possible], along[self.possible]
             self.stored = CandidateRows(self.stored.rows[self.possible], self.candidates.constant)
             self.possible = np.ones(len(self.places), dtype=bool)
@@ -310,10 +284,10 @@ class _WeightSearch:
 
     def _few(self) -> tuple[Places, Array, Array]:
         """The candidates of the best weights without those that hardly count, and their information matrix."""
-        raw = self.best
+        raw, lost = self.best, self.tuning.dropped_share * self.tolerance
         matrices = self.candidates.matrices(raw.working, self.space.into)
-        least = raw.slope.log_phi - DROPPED * self.tolerance
-        for smallest in LEAST_WEIGHTS:
+        least = raw.slope.log_phi - lost
+        for smallest in self.tuning.least_weights:
             some = raw.weights > smallest
             if not some.any():
                 continue
@@ -321,7 +295,7 @@ class _WeightSearch:
             information = mean_of(matrices[some], weights)
             if self.criterion.log_phi(information) < least:
                 try:
-                    weights, _ = best_weights(matrices[some], self.criterion, DROPPED * self.tolerance)
+                    weights, _ = best_weights(matrices[some], self.criterion, lost, self.tuning)
                 except np.linalg.LinAlgError:
                     continue
                 information = mean_of(matrices[some], weights)

@@ -2,7 +2,9 @@
 
 log det of M = sum of w_k F_k is concave in the weights, so that for any M it is at most log det M + tr(G M') - p of any M' that may
 be chosen, with G = M^-1 its derivative. The largest sum of tr(G F_k) over disjoint windows thus bounds what any choice reaches. The
-same holds for log det of a Schur complement, where there are nuisance parameters.
+same holds for log det of a Schur complement, where there are nuisance parameters. M moves towards these windows as far as log det
+grows; the best of them on the way are exchanged, one for another, until none gains; and the weights are improved once more from
+there, until that finds no better windows. `PieceSearchTuning` has the numbers.
 """
 
 from __future__ import annotations
@@ -17,25 +19,10 @@ from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...show.numbers import computed, counted
 from ...show.progress import Progress
+from ..optimality.estimable import RIDGE, SINGULAR
 from .disjoint import Places, Windows
 from .packed import Packed
-
-ROUNDS_OF_WEIGHTS = 60
-
-LEAST_GAIN = 1e-7
-"""In log det, below which an exchange does not count."""
-
-MOST_EXCHANGES = 10_000
-
-PAIRS_AT_ONCE = 4096
-
-NUMBERS_AT_ONCE = 4_000_000
-
-SINGULAR = 1e-13
-"""Share of the largest eigenvalue below which one is zero; in these coordinates all windows together are the identity."""
-
-RIDGE = 1e-9
-"""Ridge added while the chosen windows leave M singular, as a share of the information of all windows."""
+from .tuning import PieceSearchTuning
 
 
 class PieceSearch:
@@ -51,6 +38,7 @@ class PieceSearch:
         At most as many as there are disjoint windows.
     known : ndarray, (m,), optional
         What is known beside the windows that are chosen, packed; default: nothing.
+    tuning : PieceSearchTuning, optional
 
     Attributes
     ----------
@@ -64,7 +52,16 @@ class PieceSearch:
         What was added to M, as a share of all windows, while the chosen ones left it singular.
     """
 
-    def __init__(self, f: Array, packing: Packed, windows: Windows, count: int, known: Array | None = None) -> None:
+    def __init__(
+        self,
+        f: Array,
+        packing: Packed,
+        windows: Windows,
+        count: int,
+        known: Array | None = None,
+        tuning: PieceSearchTuning = PieceSearchTuning(),
+    ) -> None:
+        self.tuning = tuning
         self._f, self._packing, self.windows, self.count = f, packing, windows, count
         self._known = np.zeros(f.shape[1]) if known is None else known
         self.chosen = windows.most()[:count]
@@ -106,7 +103,7 @@ class PieceSearch:
                 while self._exchange():
                     self.exchanges += 1
                     report()
-                    if self.exchanges >= MOST_EXCHANGES:
+                    if self.exchanges >= self.tuning.most_exchanges:
                         return StopReason.max_iterations
                 before = self._value
                 if not self.singular:
@@ -132,7 +129,7 @@ class PieceSearch:
         The best windows for the gradient at M are a vertex of what may be chosen, towards which M moves as far as that gains.
         """
         p = self._packing.p
-        for _ in range(ROUNDS_OF_WEIGHTS):
+        for _ in range(self.tuning.weight_rounds):
             gradient = self._packing.gradient(m)
             chosen, most = self.windows.best(np.maximum(self._f @ gradient, 0.0), self.count)
             most += float(self._known @ gradient)
@@ -141,14 +138,14 @@ class PieceSearch:
             value = float(self._packing.log_dets(vertex))
             if value > self._value or self._value == -np.inf:
                 self.chosen, self._value = chosen, value
-            if self.bound - self._value < LEAST_GAIN * p or most - p < LEAST_GAIN * p:
+            if self.bound - self._value < self.tuning.least_gain * p or most - p < self.tuning.least_gain * p:
                 return
             m = m + self._step(m, vertex) * (vertex - m)
 
     def _step(self, m: Array, vertex: Array) -> float:
         """The share of the way from M to another matrix at which log det is largest."""
         low, high = 0.0, 1.0
-        for _ in range(40):
+        for _ in range(self.tuning.line_halvings):
             middle = (low + high) / 2
             slope = self._packing.gradient(m + middle * (vertex - m)) @ (vertex - m)
             low, high = (middle, high) if slope > 0 else (low, middle)
@@ -165,9 +162,9 @@ class PieceSearch:
         value = float(self._packing.log_dets(m))
         entering, leaving, most = self._pairs(m, value)
         order = np.argsort(-most, kind="stable")
-        best, found = LEAST_GAIN, -1
-        for first in range(0, len(order), PAIRS_AT_ONCE):
-            some = order[first : first + PAIRS_AT_ONCE]
+        best, found = self.tuning.least_gain, -1
+        for first in range(0, len(order), self.tuning.pairs_at_once):
+            some = order[first : first + self.tuning.pairs_at_once]
             if not most[some[0]] > best:
                 break
             totals = m - self._f[self.chosen[leaving[some]]] + self._f[entering[some]]
@@ -193,16 +190,16 @@ class PieceSearch:
         regular = np.array([packing.rank(one, SINGULAR) == packing.size for one in without]) & np.isfinite(worth)
         slopes = np.stack([packing.gradient(one) if ok else gradient for one, ok in zip(without, regular, strict=True)])
         lost = np.where(partner >= 0, own[np.maximum(partner, 0)], own.min())
-        candidates = np.flatnonzero((partner > -2) & (gains - lost > LEAST_GAIN))
+        candidates = np.flatnonzero((partner > -2) & (gains - lost > self.tuning.least_gain))
         entering, leaving, bounds = list[Places](), list[Places](), list[Array]()
-        each = max(1, NUMBERS_AT_ONCE // self.count)
+        each = max(1, self.tuning.numbers_at_once // self.count)
         for first in range(0, len(candidates), each):
             some = candidates[first : first + each]
             most = gains[some][:, None] - own
             closer = p * np.log1p(np.maximum(self._f[some] @ slopes.T, 0.0) / p) - worth
             most = np.where(regular, np.minimum(most, closer), most)
             allowed: NDArray[np.bool_] = (partner[some] == -1)[:, None] | (partner[some][:, None] == np.arange(self.count))
-            j, i = np.nonzero(allowed & (most > LEAST_GAIN))
+            j, i = np.nonzero(allowed & (most > self.tuning.least_gain))
             entering.append(some[j])
             leaving.append(i)
             bounds.append(most[j, i])

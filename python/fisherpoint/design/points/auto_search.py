@@ -1,11 +1,11 @@
 """The search of method "auto": exchange over pools of evaluated candidates, which climb to peaks, and an ascent of all numbers.
 
-Each of a few groups chooses one point after the other from a part of a pool, and exchanges them over it. Candidates of the pool
-that would raise the criterion and are far apart climb then, each to what is near it and would raise it more: an informative peak
-is mostly narrow, and a random candidate on its slope cannot compete with points that have been followed to their peaks. The
-design takes over what it can use of them, and in rounds candidates are drawn near its own points. All that the groups have found
-is the pool of one design, beside which candidates climb again: what would help the designs of the groups may not be what this one
-lacks. It is followed to its end by such rounds and ascents.
+Each of a few groups chooses one point after the other from a part of a pool, and exchanges them over it; rounds draw candidates
+near its points. Candidates of the pool that would raise the criterion and are far apart then climb: an informative peak is mostly
+narrow, and a random candidate on its slope cannot compete with points that have been followed to their peaks. The group's design is
+exchanged over them, ascends, and is followed by more rounds. The best design of all groups is exchanged over all that they have
+found, and candidates climb beside it too: what would help the designs of the groups may not be what this one lacks. Cycles of
+exchange, ascent and rounds follow it to its end, where nearly equal points become copies. `PointSearchTuning` has the numbers.
 """
 
 from __future__ import annotations
@@ -24,48 +24,6 @@ from .point_search import Incumbent
 from .pool import Pool, far_apart
 from .pool_search import PoolSearch
 from .replicates import with_copies
-
-POOL, MOST_POOL = 400, 50_000
-"""Candidates at the edges of the region for each group, as a multiple of `n_candidates`, and at most; half as many random ones."""
-
-PEAKS = 2
-"""Candidates that climb in each group, as a multiple of `n_candidates`."""
-
-GROUPS, FIRST_ROUNDS, CLIMB_ROUNDS, ROUNDS = 4, 4, 18, 5
-"""Groups, and in each the rounds of its first design, of the climbing candidates, and of what the design becomes with them.
-
-What a group has missed another one has, and merging takes it over.
-"""
-
-OF_GROUPS = 0.5
-"""Share of the candidates near points that is drawn in the rounds of groups."""
-
-MERGED, MERGED_ROUNDS = 2, 8
-"""How often candidates climb beside the design that is merged of all groups, and its rounds before that."""
-
-LEAST_ROUNDS = 28
-"""Iterations for each group, and for each later climb of candidates; a smaller budget allows fewer groups and climbs."""
-
-FOR_PLANTS = 2
-"""Factor on these where a share of the plants is required: the design is followed to its end for several sets of plants."""
-
-AGREE, ALIKE = 3, 3e-4
-"""Start no further group once AGREE groups lie within ALIKE (log det per parameter) of the best: the problem is easy."""
-
-TAUGHT = 1000
-"""Number of the pool's candidates that are tried on all nodes at first, to learn which nodes reject most."""
-
-CYCLE = 16
-"""Rounds after which all numbers ascend together."""
-
-CUT = 200
-"""Candidates that are sampled earlier where more plants have to run them."""
-
-LEAST_GAIN, MOST_IDLE = 1e-3, 2
-"""The search ends after so many cycles in a row that gain less for each parameter."""
-
-UNCONFIRMED = 3
-"""Rounds between checks of climbing candidates on all nodes; in between a few nodes reject invalid ones."""
 
 
 class AutoSearch(PoolSearch):
@@ -86,26 +44,27 @@ class AutoSearch(PoolSearch):
 
     def _all_rounds(self) -> Iterator[None]:
         """The whole search, round by round."""
-        settings = self.settings
-        count = max(1, round(self._drawn_share * min(MOST_POOL, POOL * settings.n_candidates)))
+        settings, tuning = self.settings, self.tuning
+        edges = min(tuning.most_edge_candidates, tuning.edge_candidates * settings.n_candidates)
+        count = max(1, round(self._drawn_share * edges))
         first = self.best.information
         random = self._pool(PointInformation.join([first, self.source.draw(max(1, count // 2))]))
         random.valid[: len(first)] = 1
-        self._confirm(random, np.arange(min(len(random), TAUGHT)))
-        least = LEAST_ROUNDS if self.away is None else FOR_PLANTS * LEAST_ROUNDS
-        times = int(np.clip(settings.max_iterations // least, 1, GROUPS + MERGED))
+        self._confirm(random, np.arange(min(len(random), tuning.pilot_candidates)))
+        least = tuning.group_budget if self.away is None else tuning.plant_budget_factor * tuning.group_budget
+        times = int(np.clip(settings.max_iterations // least, 1, tuning.groups + tuning.merged_climbs))
         ends, found, easy = list[PointInformation](), random[np.arange(len(first))], False
-        while not easy and len(ends) < min(times, GROUPS):
+        while not easy and len(ends) < min(times, tuning.groups):
             pool = self._with_edges(random, count)
             self._restrict_to_estimable(pool)
             design, peaks = yield from self._group(pool, at_random=len(ends) % 2 == 1)
             ends.append(design)
             found = found.with_more(peaks).with_more(self._pool(design, 1))
             values = np.array([self._value(end) for end in ends])
-            easy = int((values > values.max() - ALIKE * self._level).sum()) >= AGREE
+            easy = int((values > values.max() - tuning.agreement_per_parameter * self._level).sum()) >= tuning.agreeing_groups
         design = max(ends, key=self._value)
         for _ in range(0 if easy else times - len(ends)):
-            design = yield from self._followed(design, found, MERGED_ROUNDS)
+            design = yield from self._followed(design, found, tuning.merged_rounds)
             found = found.with_more((yield from self._climbed(design, self._with_edges(random, count))))
         while True:
             design = yield from self._finished(design, found)
@@ -141,7 +100,9 @@ class AutoSearch(PoolSearch):
             return self.source.confirm(survivors)
 
         design = self.best.information
-        copied = with_copies(design, lower, upper, evaluated, self._value)
+        copied = with_copies(
+            design, lower, upper, evaluated, self._value, self.tuning.copy_distance, self.tuning.most_points_for_copies
+        )
         if copied is not design:
             self.best = self._incumbent(copied)
             self.trace[-1] = replace(self.trace[-1], log_det=self.best.log_det, drawn=self.source.drawn)
@@ -149,10 +110,10 @@ class AutoSearch(PoolSearch):
     def _finished(self, design: PointInformation, found: Pool) -> Generator[None, None, PointInformation]:
         """The design after cycles of rounds, until nothing gains any more."""
         idle, before = 0, self._value(design)
-        while idle < MOST_IDLE:
-            design = yield from self._followed(design, found, CYCLE)
+        while idle < self.tuning.most_idle_cycles:
+            design = yield from self._followed(design, found, self.tuning.cycle_rounds)
             value = self._value(design)
-            idle = idle + 1 if value - before < LEAST_GAIN * self._level else 0
+            idle = idle + 1 if value - before < self.tuning.cycle_least_gain * self._level else 0
             before = value
         return design
 
@@ -161,7 +122,7 @@ class AutoSearch(PoolSearch):
         old = self.best.information
         found = found.with_more(self._pool(old))
         found.valid[:] = 0
-        best = np.sort(np.argsort(-self._gains(old, found.columns), kind="stable")[:CUT])
+        best = np.sort(np.argsort(-self._gains(old, found.columns), kind="stable")[: self.tuning.shortened_for_plants])
         own, cut = (self._pool(self.source.cut_for_plants(some.experiments)[0]) for some in (old, found.information[best]))
         for pool in (own, cut, found):
             self._confirm(pool, np.arange(len(pool)))
@@ -176,11 +137,11 @@ class AutoSearch(PoolSearch):
     def _group(self, pool: Pool, at_random: bool) -> Generator[None, None, tuple[PointInformation, Pool]]:
         """A design, and the candidates that have climbed for it."""
         design = self._start(pool, at_random)
-        for _ in range(FIRST_ROUNDS):
+        for _ in range(self.tuning.first_rounds):
             yield
-            design = self._round(design, OF_GROUPS)
+            design = self._round(design, self.tuning.near_share_in_groups)
         peaks = yield from self._climbed(design, pool)
-        design = yield from self._followed(design, peaks, ROUNDS, OF_GROUPS)
+        design = yield from self._followed(design, peaks, self.tuning.last_rounds, self.tuning.near_share_in_groups)
         return design, peaks
 
     def _followed(
@@ -197,17 +158,20 @@ class AutoSearch(PoolSearch):
         """Candidates that would raise the criterion and are far apart, each after some rounds in which it climbs."""
         live = np.flatnonzero(pool.valid >= 0)
         table = self._numbers(pool.information)[live]
-        most = max(1, round(self._drawn_share * PEAKS * self.settings.n_candidates))
-        peaks = pool[live[far_apart(table, self._upper - self._lower, self._gains(design, pool.columns[..., live]), most)]]
+        tuning = self.tuning
+        most = max(1, round(self._drawn_share * tuning.climbing_candidates * self.settings.n_candidates))
+        gains, apart = self._gains(design, pool.columns[..., live]), tuning.climb.least_distance
+        peaks = pool[live[far_apart(table, self._upper - self._lower, gains, most, apart)]]
         self._confirm(peaks, np.arange(len(peaks)))
         lower = peaks[np.arange(0)]
-        for climbed in range(0, CLIMB_ROUNDS, UNCONFIRMED):
-            if climbed == CLIMB_ROUNDS // 2:  # what is still far below others hardly comes past them
+        for climbed in range(0, tuning.climb.rounds, tuning.unchecked_rounds):
+            if climbed == tuning.climb.rounds // 2:  # what is still far below others hardly comes past them
                 order = np.argsort(-np.where(peaks.valid == 1, self._gains(design, peaks.columns), 0.0), kind="stable")
-                first, others = np.sort(order[: -(-len(order) // 2)]), np.sort(order[-(-len(order) // 2) :])
+                going = int(np.ceil(tuning.climbing_survivors * len(order)))
+                first, others = np.sort(order[:going]), np.sort(order[going:])
                 peaks, lower = peaks[first], peaks[others]
             reached = peaks
-            for _ in range(UNCONFIRMED):
+            for _ in range(tuning.unchecked_rounds):
                 yield
                 reached = self._higher(design, reached)
             self._confirm(reached, np.arange(len(reached)))

@@ -18,25 +18,14 @@ from ...information.problem import DesignProblem
 from ...information.validity import Validity
 from ...points.experiments import Experiments
 from ..settings import ExchangeSettings
+from .tuning import PlantTuning
 
-PLANTS = 256
-"""On which every point has to be ok."""
+COUNTED_SEED = 2_000_003
+"""Added to the seed for the plants on which the share is counted."""
 
-COUNTED, SEEN = 4000, 2_000_003
-"""Plants on which the share is counted, and what is added to the seed for them."""
-
-OF_LOST, NEAR_ENOUGH = 0.6, 0.3
-"""Shares of what may be lost: at most what is lost of the plants that are counted, as a design fits these more than others; and
-what is lost at least where it pays to go on."""
-
-MOST, FACTORS = 5, (0.85, 1.2)
-"""Most changes of w, and the factors between which one change lies."""
 
 QUANTILE = NormalDist().inv_cdf
 """Quantile function of the normal distribution; SciPy's would make the import slow."""
-
-CLOSE = 1.03
-"""No w is tried between two as close as this."""
 
 
 class Away:
@@ -49,25 +38,29 @@ class Away:
         With the required share of the plants, the goal's `confidence`.
     validity : Validity
         Which plants can run which points.
+    tuning : PlantTuning, optional
     """
 
-    def __init__(self, problem: DesignProblem, settings: ExchangeSettings, validity: Validity) -> None:
+    def __init__(
+        self, problem: DesignProblem, settings: ExchangeSettings, validity: Validity, tuning: PlantTuning = PlantTuning()
+    ) -> None:
+        self.tuning = tuning
         share = settings.goal.share_of_plants
         assert share is not None
         self._problem, self._seed, self._validity = problem, settings.seed, validity
         self._may = 1.0 - share
-        self._most = OF_LOST * self._may
-        self.wider = QUANTILE(1.0 - self._most / settings.n_experiments**0.5) / QUANTILE(1.0 - 1.0 / PLANTS)
+        self._most = self.tuning.most_lost * self._may
+        self.wider = QUANTILE(1.0 - self._most / settings.n_experiments**0.5) / QUANTILE(1.0 - 1.0 / self.tuning.plants)
         self._low, self._high, self._changes = 0.0, np.inf, 0
         self._ask()
 
     def _ask(self) -> None:
-        plants, _ = drawn_plants(self._problem, PLANTS, np.random.default_rng([self._seed, 4]), self.wider)
+        plants, _ = drawn_plants(self._problem, self.tuning.plants, np.random.default_rng([self._seed, 4]), self.wider)
         self._validity.ask(plants)
 
     def lost(self, points: Experiments) -> float:
         """The share of the counted plants that cannot run all points."""
-        return 1.0 - feasibility(self._problem, points, draws=COUNTED, seed=self._seed + SEEN).share
+        return 1.0 - feasibility(self._problem, points, draws=self.tuning.counted_plants, seed=self._seed + COUNTED_SEED).share
 
     def enough(self, lost: float) -> bool:
         """Whether no more plants are lost than may be."""
@@ -75,16 +68,18 @@ class Away:
 
     def change(self, lost: float) -> bool:
         """Ask for plants that deviate further, or less, by what a design has lost of those that are counted; False for the end."""
+        tuning = self.tuning
         if self.enough(lost):
             self._high = min(self._high, self.wider)
         else:
             self._low = max(self._low, self.wider)
-        done = self.enough(lost) and lost >= NEAR_ENOUGH * self._may
-        if done or self._changes == MOST or self._high < CLOSE * self._low:
+        done = self.enough(lost) and lost >= tuning.least_lost * self._may
+        if done or self._changes == tuning.most_changes or self._high < tuning.least_change * self._low:
             return False
         self._changes += 1
-        wanted = QUANTILE(1.0 - (self._most + NEAR_ENOUGH * self._may) / 2) / QUANTILE(1.0 - max(lost, 1.0 / COUNTED))
-        factor = np.clip(wanted, *FACTORS) if 0.0 < lost < 0.5 else FACTORS[int(lost > 0.0)]
+        middle, factors = (self._most + tuning.least_lost * self._may) / 2, tuning.change_factors
+        wanted = QUANTILE(1.0 - middle) / QUANTILE(1.0 - max(lost, 1.0 / tuning.counted_plants))
+        factor = np.clip(wanted, *factors) if 0.0 < lost < 0.5 else factors[int(lost > 0.0)]
         self.wider *= float(factor)
         if not self._low < self.wider < self._high:
             self.wider = float(np.sqrt(self._low * self._high))

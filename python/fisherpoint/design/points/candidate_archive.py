@@ -28,15 +28,7 @@ from ..optimality.weights import Weights, optimal_weights
 from ..over_prior import Scenarios
 from .over_bound import over_bound
 from .point_ascent import scenario_rows, whitened_rows
-
-MOST_NUMBERS = 20_000_000
-"""Most sensitivities that are kept, of 8 bytes each, of all scenarios; candidates after these are not kept."""
-
-TOLERANCE = 5e-4
-"""Share of its level by which the sensitivity function may exceed it over the candidates, at the prior mean."""
-
-LOOKS = 60
-"""Maximum number of batches checked on all nodes."""
+from .tuning import ArchiveTuning
 
 
 class _JoinedParts:
@@ -75,8 +67,14 @@ class CandidateArchive:
     """
 
     def __init__(
-        self, problem: DesignProblem, threads: int, criteria: Sequence[Criterion] | None = None, of_prior: Array | float = 0.0
+        self,
+        problem: DesignProblem,
+        threads: int,
+        criteria: Sequence[Criterion] | None = None,
+        of_prior: Array | float = 0.0,
+        tuning: ArchiveTuning = ArchiveTuning(),
     ) -> None:
+        self.tuning = tuning
         self._problem, self._threads, self._of_prior = problem, threads, of_prior
         self.criteria = (criterion_of(problem, Goal()),) if criteria is None else tuple(criteria)
         self._seen: list[PointInformation] = []
@@ -85,7 +83,7 @@ class CandidateArchive:
 
     def add(self, information: PointInformation) -> None:
         """Keep these, as long as there is room."""
-        if len(information) and self._numbers < MOST_NUMBERS:
+        if len(information) and self._numbers < self.tuning.most_numbers:
             self._seen.append(_without_covariances(information))
             self._numbers += information.sensitivity.size * len(information.everywhere)
 
@@ -127,7 +125,7 @@ class CandidateArchive:
                 flat = whitened_rows(noise, there).reshape(-1, p)
                 known[s] += flat.T @ flat / count
 
-        value = over_bound(rows, known, over.average, count, self._runnable(everything, count), self.criteria)
+        value = over_bound(rows, known, over.average, count, self._runnable(everything, count), self.criteria, self.tuning)
         level = self.criteria[0].level
         return None if value is None else Bound(float(value + level * np.log(2 * count / total)), len(everything) - count)
 
@@ -152,7 +150,7 @@ class CandidateArchive:
             return None
         order = np.argsort(-best.candidates.along(best.found.half), kind="stable")
         taken, have = [], 0
-        for first in range(0, min(len(order), LOOKS * most), most):
+        for first in range(0, min(len(order), self.tuning.most_batches * most), most):
             some = order[first : first + most]
             taken.append(some[self.validity.of(best.everything.points[some])])
             have += len(taken[-1])
@@ -184,7 +182,7 @@ class CandidateArchive:
         found = optimal_weights(
             candidates,
             criterion,
-            tolerance=TOLERANCE,
+            tolerance=self.tuning.tolerance,
             space=space,
             first=np.arange(count),
             allowed=self._runnable(everything, count),

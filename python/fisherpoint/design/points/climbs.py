@@ -19,39 +19,23 @@ from ...information.validity import Validity
 from ...points.experiments import Experiments
 from .lineage import Lineage
 from .pool import best_of_each, far_apart
-
-EDGES, MOST = 5000, 200
-"""Candidates at the edges of the region, and how many of them climb at most: the highest that are far apart."""
-
-AGAIN = 60
-"""The highest that have climbed before, which go on."""
-
-ROUNDS = 30
-
-NEAR_PEAK = 16
-"""Candidates near each point in a round."""
-
-EARLIER = 4
-"""Candidates near each point that are sampled earlier where some plants cannot run them to their end."""
-
-LEAST_CLIMB = 1 + 1e-6
-"""Minimum relative gain for a candidate to replace a point."""
+from .tuning import ClimbTuning, RegionClimbTuning
 
 Height = Callable[[PointInformation], Array]
 """The function to climb, (K,), of points that are valid at the prior mean."""
 
 
 def higher(
-    source: CandidateSource, points: PointInformation, steps: Array, now: Array, height: Height, earlier: int
+    source: CandidateSource, points: PointInformation, steps: Array, now: Array, height: Height, tuning: ClimbTuning
 ) -> tuple[PointInformation, NDArray[np.intp]]:
     """Near each point the highest candidate, where one exceeds what it is `now`, (K,); and the places of these points.
 
-    Candidates go on by the `steps` (K, m, d) that points have come by. The highest of each, so many, are also sampled `earlier`
-    where few nodes do not let them pass. Whether what is found is valid on all nodes is not known.
+    Candidates go on by the `steps` (K, m, d) that points have come by. The highest of each are also sampled earlier where few
+    nodes do not let them pass. Whether what is found is valid on all nodes is not known.
     """
-    near, place = source.draw_near(points.experiments, NEAR_PEAK, steps)
-    of, least, found = place.astype(np.intp), LEAST_CLIMB * now, height(near)
-    wanted = best_of_each(found, of, least, earlier)
+    near, place = source.draw_near(points.experiments, tuning.near_per_point, steps)
+    of, least, found = place.astype(np.intp), (1 + tuning.least_gain) * now, height(near)
+    wanted = best_of_each(found, of, least, tuning.shortened_per_point)
     cut, of_wanted, lost = source.sampled_earlier(near.experiments[wanted])
     passed = np.delete(wanted, lost)
     tried, of = PointInformation.join([near[passed], cut]), np.append(of[passed], of[wanted[of_wanted]])
@@ -69,34 +53,44 @@ class Climbs:
     threads : int or None
     elsewhere : tuple of DesignProblem
         The problem in scenarios, in all of which points have to be valid.
+    tuning : RegionClimbTuning, optional
     """
 
     def __init__(
-        self, problem: DesignProblem, rng: np.random.Generator, threads: int | None, elsewhere: tuple[DesignProblem, ...] = ()
+        self,
+        problem: DesignProblem,
+        rng: np.random.Generator,
+        threads: int | None,
+        elsewhere: tuple[DesignProblem, ...] = (),
+        tuning: RegionClimbTuning | None = None,
     ) -> None:
+        self.tuning = RegionClimbTuning() if tuning is None else tuning
         lower, upper = problem.point_region.box(problem.model)
         self._width = upper - lower
         self._source = CandidateSource(problem, rng, threads, elsewhere=elsewhere, validity=Validity(problem, threads, False))
-        self._lineage = Lineage()
+        self._lineage = Lineage(self.tuning.climb.generations)
         self._highest: Experiments | None = None
 
     def run(self, height: Height, beside: Experiments) -> Experiments:
         """Where candidates at the edges and some `beside` them have come to by climbing; all are valid on all nodes."""
-        candidates = PointInformation.join([self._source.draw_at_edges(EDGES), self._source.survivors(beside)[0]])
-        first = candidates[far_apart(self._numbers(candidates), self._width, height(candidates), MOST)]
+        tuning = self.tuning
+        edges = self._source.draw_at_edges(tuning.edge_candidates)
+        candidates = PointInformation.join([edges, self._source.survivors(beside)[0]])
+        numbers, heights = self._numbers(candidates), height(candidates)
+        first = candidates[far_apart(numbers, self._width, heights, tuning.most_climbing, tuning.climb.least_distance)]
         points = first[self._source.confirmed(first)[1]]
         if self._highest is not None:
             points = PointInformation.join([points, self._source.survivors(self._highest)[0]])
         now = height(points)
-        for _ in range(ROUNDS):
+        for _ in range(tuning.climb.rounds):
             points, now = self._round(points, now, height)
-        self._highest = points.experiments[np.sort(np.argsort(-now, kind="stable")[:AGAIN])]
+        self._highest = points.experiments[np.sort(np.argsort(-now, kind="stable")[: tuning.going_on])]
         return points.experiments
 
     def _round(self, points: PointInformation, now: Array, height: Height) -> tuple[PointInformation, Array]:
         """Each point, or the highest candidate near it where that is valid; and how high they are."""
         steps = self._lineage.steps(self._numbers(points))
-        found, of = higher(self._source, points, steps, now, height, EARLIER)
+        found, of = higher(self._source, points, steps, now, height, self.tuning.climb)
         valid = self._source.confirmed(found)[1]
         found, of = found[valid], of[valid]
         self._lineage.add(self._numbers(found), self._numbers(points[of]))

@@ -18,15 +18,6 @@ from ...information.output_covariance import needs_covariances
 from ...information.point_information import PointInformation
 from .point_search import Incumbent, PointSearch
 
-SHORTLIST = 10
-"""Candidates that screening leaves for the rule; the best under the rule is nearly always among them (`bench/screening.py`)."""
-
-MOVE_EVERY = 4
-"""Iterations after which candidates are drawn near the points of the design: many at once cost less than a few each time."""
-
-LEAST_GAIN = 1e-6
-"""Least gain of log det F for a point to be moved; with less, points would move for ever."""
-
 
 class ExchangeSearch(PointSearch):
     """The state of one run of Algorithm 1."""
@@ -37,7 +28,7 @@ class ExchangeSearch(PointSearch):
 
     def _advance(self, iteration: int) -> bool:
         exchanged = self._iterate()
-        if iteration % MOVE_EVERY == 0:
+        if iteration % self.tuning.paper.move_every == 0:
             exchanged |= self._move()
         return exchanged
 
@@ -74,7 +65,7 @@ class ExchangeSearch(PointSearch):
         settings, start = self.settings, self.best.information
         if not settings.method.local or not np.isfinite(self.best.log_det):
             return False
-        each = max(1, round(MOVE_EVERY * settings.method.local * settings.n_candidates / len(start)))
+        each = max(1, round(self.tuning.paper.move_every * settings.method.local * settings.n_candidates / len(start)))
         candidates, near = self.source.draw_near(start.experiments, each)
         chosen, places = self._nearby(candidates, near)
         moved = False
@@ -84,7 +75,7 @@ class ExchangeSearch(PointSearch):
             information = PointInformation.join([self.best.information, chosen[m : m + 1]])[rows]
             prepared = self.d.prepare(information)
             log_det = self._log_det(prepared, 0.0)
-            if log_det > self.best.log_det + LEAST_GAIN:
+            if log_det > self.best.log_det + self.tuning.paper.move_least_gain:
                 self.best, moved = Incumbent(information, prepared, log_det), True
         return moved
 
@@ -102,7 +93,7 @@ class ExchangeSearch(PointSearch):
                 accumulator.remove(sensitivity, covariance)
                 phis = self._phis_with(accumulator, candidates[own], 0.0)
                 accumulator.add(sensitivity, covariance)
-                if phis.max() > self.best.log_det + LEAST_GAIN:
+                if phis.max() > self.best.log_det + self.tuning.paper.move_least_gain:
                     chosen.append(own[np.argmax(phis)])
         if not chosen:
             return candidates[:0], near[:0]
@@ -118,7 +109,7 @@ class ExchangeSearch(PointSearch):
         candidates, finite = self.source.linearized(self.source.draw(self.settings.n_candidates))
         candidates = candidates[finite]
         phis = self._phis_with(accumulator, candidates, ridge)
-        return self.source.confirm(candidates[np.argsort(-phis, kind="stable")[:SHORTLIST]]), True
+        return self.source.confirm(candidates[np.argsort(-phis, kind="stable")[: self.tuning.paper.shortlist]]), True
 
     def _phis_with(self, accumulator: _core.FisherAccumulator, candidates: PointInformation, ridge: float) -> Array:
         """log det F with each candidate beside the design, (K,)."""

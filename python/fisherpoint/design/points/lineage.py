@@ -6,14 +6,12 @@ import numpy as np
 
 from ...basics.values import Array
 
-GENERATIONS = 6
-"""Ancestors of a point that are remembered of it, the nearest."""
-
 
 class Lineage:
-    """The points near which others were drawn that took their places."""
+    """The points near which others were drawn that took their places; so many `generations` are looked back."""
 
-    def __init__(self) -> None:
+    def __init__(self, generations: int) -> None:
+        self._generations = generations
         self._parents: dict[bytes, Array] = {}
 
     def add(self, points: Array, parents: Array) -> None:
@@ -21,11 +19,11 @@ class Lineage:
         self._parents.update((point.tobytes(), parent) for point, parent in zip(points, parents, strict=True))
 
     def steps(self, points: Array) -> Array:
-        """From each of its ancestors to each point (K, d), the nearest first: (K, `GENERATIONS`, d), zero where there is none.
+        """From each of its ancestors to each point (K, d), the nearest first: (K, generations, d), zero where there is none.
 
         Of an ancestor that was drawn near several points one after the other, the last of these is the next.
         """
-        result = np.zeros((len(points), GENERATIONS, points.shape[1]))
+        result = np.zeros((len(points), self._generations, points.shape[1]))
         for steps, point in zip(result, points, strict=True):
             ancestor = point
             for step in steps:

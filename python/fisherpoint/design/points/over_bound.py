@@ -20,9 +20,7 @@ from ..optimality.candidate_rows import CandidateRows
 from ..optimality.criteria import Criterion
 from ..optimality.estimable import Estimable, estimable
 from ..optimality.weights import optimal_weights
-
-TOLERANCE = 2e-3
-"""Share of its level by which the sensitivity function may exceed it over the candidates."""
+from .tuning import ArchiveTuning
 
 Places = NDArray[np.intp]
 
@@ -34,6 +32,7 @@ def over_bound(
     first: int,
     allowed: Callable[[Places], NDArray[np.bool_]],
     criteria: Sequence[Criterion],
+    tuning: ArchiveTuning = ArchiveTuning(),
 ) -> float | None:
     """The bound of the objective at M_s + `known`; None where the candidates do not determine the criterion.
 
@@ -50,6 +49,7 @@ def over_bound(
         Takes candidates that would have a weight and returns which of them may; the others do not count.
     criteria : sequence of Criterion
         In each scenario.
+    tuning : ArchiveTuning
     """
     level, scenarios = criteria[0].level, len(rows)
     spaces = [estimable(CandidateRows(*one).triangle()) for one in zip(rows, known, strict=True)]
@@ -61,7 +61,8 @@ def over_bound(
     for group in groups:
         criterion, candidates, space = _of_group(group, rows, known, average, criteria, spaces)
         begin = np.arange(first)
-        found = optimal_weights(candidates, criterion, tolerance=TOLERANCE, space=space, first=begin, allowed=allowed)
+        tolerance = tuning.tolerance_over_prior
+        found = optimal_weights(candidates, criterion, tolerance=tolerance, space=space, first=begin, allowed=allowed)
         value = criterion.objective(candidates.information(found.chosen, found.weights))
         if not np.isfinite(value) or not found.efficiency > 0:
             return None

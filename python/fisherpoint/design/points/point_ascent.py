@@ -23,16 +23,8 @@ from ..optimality.criteria import Criterion
 from ..optimality.determinant import slopes_of
 from ..over_prior import Scenarios
 from ..runs.linear_rows import LinearRows
-from ..runs.run_ascent import FIRST, LEAST, MOST, MOST_SMALL, REACHES, SHARES, SMALL_GAIN, trial_changes
-
-STEP = 1e-4
-"""Step of a free number for difference quotients."""
-
-CONFIRMED = 4
-"""Maximum number of steps whose points are tried on all nodes of the rule."""
-
-FURTHER = 1.5
-"""Largest ratio of a step's length to that of the last good one."""
+from ..runs.run_ascent import trial_changes
+from .tuning import PointSearchTuning
 
 
 class PointAscent:
@@ -51,6 +43,7 @@ class PointAscent:
     over : Scenarios
     criteria : sequence of Criterion
         What is maximised in each scenario.
+    tuning : PointSearchTuning
     """
 
     def __init__(
@@ -62,7 +55,9 @@ class PointAscent:
         threads: int,
         over: Scenarios,
         criteria: Sequence[Criterion],
+        tuning: PointSearchTuning,
     ) -> None:
+        self.tuning = tuning
         self._over, self._criteria = over, criteria
         self._problem, self._source, self._d, self._threads = problem, source, d, threads
         self.fixed = fixed
@@ -76,23 +71,26 @@ class PointAscent:
 
     def run(self, start: PointInformation, iterations: int, late: Callable[[], bool]) -> PointInformation:
         """The points to which an ascent leads, in so many iterations at most."""
-        points, rows = start, self.rows(start)
-        value, reach, small = self._value(rows), np.full(len(start), FIRST), 0
+        points, rows, ascent = start, self.rows(start), self.tuning.ascent
+        value, reach, small = self._value(rows), np.full(len(start), ascent.first_reach), 0
         for _ in range(iterations):
-            if not len(self._free) or not np.isfinite(value) or small == MOST_SMALL or reach.max() < LEAST or late():
+            ended = small == ascent.most_small_gains or reach.max() < ascent.least_reach
+            if not len(self._free) or not np.isfinite(value) or ended or late():
                 break
             z = self._numbers(points.experiments)
             here = z[:, self._free].ravel()
-            changes = trial_changes(self._linear(z, rows), here, np.repeat(reach, len(self._free)))
+            changes = trial_changes(self._linear(z, rows), here, np.repeat(reach, len(self._free)), ascent.step_shares)
             after, gain = self._best_of(points, rows, value, np.clip(here + changes, 0.0, 1.0), z)
             if after is None:
-                reach = reach * REACHES[-1]
+                reach = reach * ascent.reach_factors[-1]
             else:
                 points, rows, trial, moved = after
                 value = self._value(rows)
-                factor = REACHES[trial % len(REACHES)] * SHARES[trial // len(REACHES)]
-                reach = np.where(moved, np.clip(FURTHER * factor * reach, LEAST, MOST), REACHES[-1] * factor * reach)
-            small = small + 1 if gain < SMALL_GAIN else 0
+                factors = ascent.reach_factors
+                factor = factors[trial % len(factors)] * ascent.step_shares[trial // len(factors)]
+                longer = np.clip(ascent.reach_growth * factor * reach, ascent.least_reach, ascent.most_reach)
+                reach = np.where(moved, longer, factors[-1] * factor * reach)
+            small = small + 1 if gain < ascent.small_gain else 0
         return points
 
     def _best_of(
@@ -108,7 +106,7 @@ class PointAscent:
         found = self.rows(survivors)[:, place] if len(kept) else 0.0
         there = np.where((place >= 0)[:, :, None, None], found, rows[:, None])
         values = np.array([self._value(there[:, trial]) for trial in range(trials)])
-        for trial in np.argsort(-values, kind="stable")[:CONFIRMED]:
+        for trial in np.argsort(-values, kind="stable")[: self.tuning.checked_ascent_steps]:
             if not values[trial] > value:
                 break
             moved = place[trial] >= 0
@@ -124,10 +122,10 @@ class PointAscent:
 
     def _linear(self, z: Array, rows: Array) -> LinearRows:
         """The criterion to first order, by differences; a number without a derivative stays."""
-        count, d = len(z), len(self._free)
+        count, d, least = len(z), len(self._free), self.tuning.ascent_difference_step
         slopes, known = np.zeros((d, count, len(rows), *rows.shape[2:])), np.zeros((d, count), dtype=bool)
         for side in (1.0, -1.0):
-            step = side * np.where(z[:, self._free] < 0.5, STEP, -STEP)
+            step = side * np.where(z[:, self._free] < 0.5, least, -least)
             number, point = np.nonzero(~known & ((z[:, self._free] + step >= 0) & (z[:, self._free] + step <= 1)).T)
             if not len(point):
                 break
@@ -145,7 +143,18 @@ class PointAscent:
         variable = np.arange(count * d).reshape(count, d)
         own = np.ascontiguousarray(slopes.swapaxes(0, 1))
         slopes_there = partial(slopes_of, self._criteria)
-        return LinearRows(rows, own, nothing[0], nothing[1], self.fixed, self._over.average, 0.0, variable, slopes_there)
+        return LinearRows(
+            rows,
+            own,
+            nothing[0],
+            nothing[1],
+            self.fixed,
+            self._over.average,
+            0.0,
+            variable,
+            slopes_there,
+            self.tuning.ascent,
+        )
 
     def _value(self, rows: Array) -> float:
         values = []

@@ -26,20 +26,14 @@ from ..found import FoundDesign, TraceRecord
 from ..optimality.candidate_rows import CandidateRows
 from ..optimality.criteria import Criterion
 from ..optimality.estimability import not_told
-from ..optimality.estimable import Estimable, estimable
+from ..optimality.estimable import RIDGE, Estimable, estimable
 from ..optimality.goal_criterion import criterion_of
 from ..over_prior import Scenarios
 from ..scenario_values import ScenarioValues, scenario_values
 from ..settings import ExchangeSettings
 from .away import Away
 from .candidate_archive import CandidateArchive
-
-RIDGE = 1e-9
-"""Share of the prior's information that is added to F as long as a design is singular, so that singular designs can be
-compared. Reports say where it was."""
-
-SAMPLE = 200
-"""Random points used to check whether another design would determine more parameters."""
+from .tuning import PointSearchTuning
 
 
 class Incumbent(NamedTuple):
@@ -60,6 +54,7 @@ class PointSearch:
     previous: PointInformation | None = None  # stays, beside whatever points are searched for; the kept ones stand last
     kept: Experiments | None = None  # points of the design that are not searched for
     scenarios: Scenarios | None = None  # over which is maximised; else it is the prior mean
+    tuning: PointSearchTuning = field(default_factory=PointSearchTuning)
     trace: list[TraceRecord] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -72,8 +67,10 @@ class PointSearch:
         self.spaces: tuple[Estimable, ...] | None = None  # what the pools of a search determine in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
         self.of_prior = prior_information(self.problem, self.settings.goal.prior_information)
-        self.seen = CandidateArchive(self.problem, self.threads, self.criteria, self.of_prior)
-        self.away = None if self.settings.goal.share_of_plants is None else Away(self.problem, self.settings, self.seen.validity)
+        self.seen = CandidateArchive(self.problem, self.threads, self.criteria, self.of_prior, self.tuning.archive)
+        self.away: Away | None = None
+        if self.settings.goal.share_of_plants is not None:
+            self.away = Away(self.problem, self.settings, self.seen.validity, self.tuning.plants)
         keep = self.seen.add if self.settings.method.references and self.problem.noise_std is not None else None
         elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)
         self.source = CandidateSource(self.problem, rng, self.threads, keep, elsewhere, self.seen.validity)
@@ -106,7 +103,9 @@ class PointSearch:
         if self.space is None:
             rng = np.random.default_rng([self.settings.seed, 3])
             source = CandidateSource(self.problem, rng, self.threads, validity=self.seen.validity)
-            information = self._with_previous(PointInformation.join([self.best.information, source.draw(SAMPLE)]))
+            information = self._with_previous(
+                PointInformation.join([self.best.information, source.draw(self.tuning.space_candidates)])
+            )
             rows = self.d.prepare(information).sensitivity
             size = np.sqrt(np.square(rows).mean(axis=(0, 2), keepdims=True))  # as F may be of another D than that of the noise
             self.space = estimable(CandidateRows(rows / np.where(size > 0, size, 1.0)).triangle())

@@ -8,12 +8,6 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 
-APART = 0.2
-"""Least distance of two peaks, in one of their numbers, as a share of the region's width."""
-
-MOST_SORTED = 4000
-"""Candidates among which peaks are looked for: those with the largest gains."""
-
 
 class Pool:
     """Candidates, and their whitened rows in each scenario as columns (S, p, n, N).
@@ -44,14 +38,14 @@ class Pool:
         return both
 
 
-def far_apart(table: Array, width: Array, gains: Array, most: int) -> NDArray[np.intp]:
+def far_apart(table: Array, width: Array, gains: Array, most: int, apart: float) -> NDArray[np.intp]:
     """Rows of a table (K, d), one after the other that with the largest gain that is far from those before it, `most` at most."""
-    order = np.argsort(-gains, kind="stable")[:MOST_SORTED]
+    order = np.argsort(-gains, kind="stable")
     places = np.ascontiguousarray((table[order] / np.where(width > 0, width, 1.0)).T)
     free, chosen = np.ones(len(order), dtype=bool), list[int]()
     while len(chosen) < most and free.any():
         chosen.append(int(np.argmax(free)))
-        free &= (np.abs(places - places[:, chosen[-1:]]) > APART).any(axis=0)
+        free &= (np.abs(places - places[:, chosen[-1:]]) > apart).any(axis=0)
     return np.asarray(order[np.array(chosen, dtype=np.intp)])
 
 

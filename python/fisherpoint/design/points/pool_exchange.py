@@ -16,18 +16,10 @@ from ...basics.values import Array
 from ...engine.levels import kernels
 from ..average import Average
 from ..optimality.criteria import Criterion
-
-LEAST_RATIO = 1 + 1e-6
-"""Least factor by which an exchange must raise det F, or phi of another criterion; with less it would go on for ever."""
+from .tuning import ExchangeTuning
 
 SINGULAR = 1e-8
 """The pivot of F, as a share, below which a design is singular."""
-
-LOOKED_AT = 32
-"""Number of candidates whose exact values are computed at once, where there are bounds for all."""
-
-MOST_PASSES = 30
-"""Maximum number of passes over all points of a design."""
 
 TINY = 1e-10
 """Relative diagonal shift of F while a point is removed; with as few points as parameters it would be singular."""
@@ -47,12 +39,19 @@ class PoolExchange:
     average : Average
     criteria : sequence of Criterion
         What is maximised in each scenario.
+    tuning : ExchangeTuning
     """
 
     def __init__(
-        self, columns: Array, chosen: NDArray[np.intp], fixed: Array, average: Average, criteria: Sequence[Criterion]
+        self,
+        columns: Array,
+        chosen: NDArray[np.intp],
+        fixed: Array,
+        average: Average,
+        criteria: Sequence[Criterion],
+        tuning: ExchangeTuning = ExchangeTuning(),
     ) -> None:
-        self.chosen, self._average = chosen.copy(), average
+        self.chosen, self._average, self.tuning = chosen.copy(), average, tuning
         self._parts = [_Scenario(columns[s], chosen, fixed[s], criterion) for s, criterion in enumerate(criteria)]
         self._bounded = any(criterion.bounded for criterion in criteria)
 
@@ -66,7 +65,7 @@ class PoolExchange:
             some = among if place is None else among[place == own]
             if len(some):
                 ratios = self._ratios(own, self._taken(np.append(some, self.chosen[own])), len(some), most)
-                ratios, least = ratios[:-1], LEAST_RATIO * ratios[-1]
+                ratios, least = ratios[:-1], (1 + self.tuning.least_gain) * ratios[-1]
                 best = np.argpartition(-ratios, most)[:most] if len(ratios) > most else np.arange(len(ratios))
                 found.append(some[best[ratios[best] > least]])
         return np.unique(np.concatenate(found))
@@ -74,7 +73,7 @@ class PoolExchange:
     def run(self, among: NDArray[np.intp], late: Callable[[], bool]) -> None:
         """Replace points by the best of some candidates, its own ones with them, until none raises the criterion any more."""
         columns = self._taken(among)
-        for _ in range(MOST_PASSES):
+        for _ in range(self.tuning.most_passes):
             changed = False
             for own in self._distinct():
                 if late():
@@ -82,7 +81,7 @@ class PoolExchange:
                 here = int(np.searchsorted(among, self.chosen[own]))
                 ratios = self._ratios(own, columns, here, 1)
                 best = int(np.argmax(ratios))
-                if ratios[best] > LEAST_RATIO * ratios[here]:
+                if ratios[best] > (1 + self.tuning.least_gain) * ratios[here]:
                     self.chosen[own], changed = among[best], True
             if not changed:
                 return
@@ -128,8 +127,8 @@ class PoolExchange:
         look_at(np.array([here]))
         order = np.argsort(-ratios, kind="stable")
         order = order[order != here]
-        for first in range(0, len(order), LOOKED_AT):
-            some = order[first : first + LOOKED_AT]
+        for first in range(0, len(order), self.tuning.exact_at_once):
+            some = order[first : first + self.tuning.exact_at_once]
             known = exact[order[:first]]
             least = max(exact[here], np.partition(known, -most)[-most] if len(known) >= most else 0.0)
             if not ratios[some[0]] > least:

@@ -25,33 +25,6 @@ from .point_search import PointSearch
 from .pool import Pool
 from .pool_exchange import PoolExchange, greedy
 
-ASCENT = 20
-"""Iterations of an ascent of all numbers together."""
-
-NEAR, LEAST_NEAR = 8, 4
-"""Candidates near all points in each round, as a multiple of `n_candidates`; and near each point at least.
-
-Few in many rounds: each round begins where the one before has come to, and goes on from there.
-"""
-
-PART, LEAST_PART, MOST_WORK = 0.3, 300, 200_000
-"""Share of the pool from which a group begins; how many at least; and points times candidates of an exchange at most."""
-
-TRIES = 6
-"""Number of random choices of half of the points, for every second group; each is exchanged over the least part of the pool."""
-
-PROMISING, LOOKS = 4, 2
-"""Candidates to replace each point that are tried on all nodes, and how often more of them in each exchange."""
-
-EARLIER = 6
-"""Candidates to replace each point that are sampled earlier where some plants cannot run them to their end."""
-
-AS_MANY = 4
-"""Scenarios up to which as many candidates are drawn as for one; with more they are fewer, so that as much is computed."""
-
-LEAST_SHARE = 0.1
-"""Least share of the usual number of candidates, however many scenarios there are."""
-
 
 class PoolSearch(PointSearch):
     """The state of a search over pools, for a D that does not depend on the other points."""
@@ -67,9 +40,9 @@ class PoolSearch(PointSearch):
                 self._known[s] += np.einsum("kp,kq->pq", rows, rows)
         of_d = criterion_of(self.problem, Goal())
         self._level, self._log_dets = self.criteria[0].level, [of_d] * len(self.criteria)
-        self._drawn_share = max(LEAST_SHARE, min(1.0, AS_MANY / len(self._known)))
+        self._drawn_share = max(self.tuning.least_scenario_share, min(1.0, self.tuning.scenarios_in_full / len(self._known)))
         self._rng = np.random.default_rng([self.settings.seed, 2])
-        self.lineage = Lineage()
+        self.lineage = Lineage(self.tuning.climb.generations)
 
     @property
     def _fixed(self) -> Array:
@@ -117,13 +90,13 @@ class PoolSearch(PointSearch):
 
         The best by log det F where half of them are not any, as other criteria see only what is known worst while points are few.
         """
-        rng, count = self._rng, self.count
+        rng, count, tuning = self._rng, self.count, self.tuning
         criteria = self.criteria if at_random and not self.criteria[0].bounded else self._log_dets
         live = np.flatnonzero(pool.valid >= 0)
-        size = int(max(LEAST_PART, min(PART * len(live), MOST_WORK / count)))
+        size = int(max(tuning.least_start_candidates, min(tuning.start_share * len(live), tuning.most_start_work / count)))
         part, designs = np.sort(rng.permutation(live)[:size]), list[PointInformation]()
-        for _ in range(TRIES if at_random else 1):
-            some = np.sort(rng.permutation(part)[:LEAST_PART]) if at_random else part
+        for _ in range(tuning.random_starts if at_random else 1):
+            some = np.sort(rng.permutation(part)[: tuning.least_start_candidates]) if at_random else part
             first = rng.integers(len(some), size=count // 2 if at_random else 0)
             columns = np.ascontiguousarray(pool.columns[..., some])
             chosen = some[greedy(columns, count, self._fixed, self.over.average, criteria, first)]
@@ -141,13 +114,14 @@ class PoolSearch(PointSearch):
         """
         points, count = design.experiments, len(design)
         places = np.sort(Runs.of_points(points).distinct()[0])
-        each = max(LEAST_NEAR, int(share * self._drawn_share * NEAR * self.settings.n_candidates) // len(places))
+        wanted_near = int(share * self._drawn_share * self.tuning.near_candidates * self.settings.n_candidates)
+        each = max(self.tuning.least_near_per_point, wanted_near // len(places))
         near, of = self.source.draw_near(points[places], each, self.lineage.steps(self._numbers(design)[places]))
         if not len(near):
             return design
         pool, place = self._pool(near), places[of]
         exchange = self._exchange(np.concatenate([self._columns(design), pool.columns], axis=3), count)
-        wanted = exchange.promising(count + np.arange(len(place)), EARLIER, place) - count
+        wanted = exchange.promising(count + np.arange(len(place)), self.tuning.climb.shortened_per_point, place) - count
         pool, place = self._with_sampled_earlier(pool, wanted, place)
         return self._kept(self._exchanged(design, pool, place=place))
 
@@ -167,10 +141,10 @@ class PoolSearch(PointSearch):
         live = live[pool.valid[live] >= 0]
         columns = np.concatenate([self._columns(design), pool.columns[..., live]], axis=3)
         exchange = self._exchange(columns, count)
-        for look in range(LOOKS):
+        for look in range(self.tuning.checks_per_exchange):
             unknown = np.flatnonzero(pool.valid[live] == 0)
             places = None if place is None else place[live[unknown]]
-            wanted = exchange.promising(count + unknown, PROMISING, places) - count
+            wanted = exchange.promising(count + unknown, self.tuning.checked_per_point, places) - count
             if look and not len(wanted):
                 break
             self._confirm(pool, live[wanted])
@@ -204,7 +178,7 @@ class PoolSearch(PointSearch):
         def gains(points: PointInformation) -> Array:
             return self._gains(design, self._columns(points))
 
-        found, of = higher(self.source, peaks.information, steps, least, gains, EARLIER)
+        found, of = higher(self.source, peaks.information, steps, least, gains, self.tuning.climb)
         source = np.arange(len(peaks))
         source[of] = len(peaks) + np.arange(len(of))
         self.lineage.add(self._numbers(found), self._numbers(peaks.information[of]))
@@ -218,11 +192,11 @@ class PoolSearch(PointSearch):
 
     def _exchange(self, columns: Array, count: int) -> PoolExchange:
         """The exchange of a design whose points stand first."""
-        return PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.criteria)
+        return PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.criteria, self.tuning.exchange)
 
     def _ascended(self, design: PointInformation) -> PointInformation:
-        ascent = PointAscent(self.problem, self.source, self.d, self._fixed, self.threads, self.over, self.criteria)
-        ascended = ascent.run(design, ASCENT, self._late)
+        ascent = PointAscent(self.problem, self.source, self.d, self._fixed, self.threads, self.over, self.criteria, self.tuning)
+        ascended = ascent.run(design, self.tuning.ascent_iterations, self._late)
         before, after = self._numbers(design), self._numbers(ascended)
         moved = (before != after).any(axis=1)
         self.lineage.add(after[moved], before[moved])

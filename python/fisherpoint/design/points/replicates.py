@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 
-NEAR = 0.02
-"""Share of the region's width in every number within which points may become copies."""
-
 ROUNDING = 1e-9
 """Share of what is maximised that it may fall by."""
-
-MOST = 300
-"""Distinct points of a design that is looked at; pairs of more take long."""
 
 Evaluated = Callable[[Array], PointInformation]
 """Evaluates points given as rows (K, d), and returns those that are valid."""
 
 
 def with_copies(
-    design: PointInformation, lower: Array, upper: Array, evaluated: Evaluated, value: Callable[[PointInformation], float]
+    design: PointInformation,
+    lower: Array,
+    upper: Array,
+    evaluated: Evaluated,
+    value: Callable[[PointInformation], float],
+    near: float,
+    most_points: int,
 ) -> PointInformation:
     """The design with as few distinct points as its value allows, the nearest ones first.
 
@@ -39,6 +39,10 @@ def with_copies(
     evaluated : callable
     value : callable
         What is maximised.
+    near : float
+        Share of the region's width in every number within which points may become copies.
+    most_points : int
+        Number of distinct points above which the design stays as it is.
     """
     width = np.where(upper > lower, upper - lower, 1.0)
     least = value(design)
@@ -47,10 +51,10 @@ def with_copies(
     while True:
         table = design.experiments.table[:, : len(width)]
         points, of = np.unique(table, axis=0, return_inverse=True)
-        if not 1 < len(points) <= MOST:
+        if not 1 < len(points) <= most_points:
             return design
         merged = None
-        for i, j in _pairs(points / width):
+        for i, j in _pairs(points / width, near):
             pair = points[i].tobytes(), points[j].tobytes()
             if pair not in refused:
                 merged = _merged(design, points, of.ravel(), (i, j), evaluated, value, least)
@@ -62,12 +66,12 @@ def with_copies(
         design = merged
 
 
-def _pairs(points: Array) -> list[tuple[int, int]]:
-    """Pairs that are near to each other, the nearest first."""
+def _pairs(points: Array, near: float) -> list[tuple[int, int]]:
+    """Pairs that are `near` to each other, the nearest first."""
     first, second = np.triu_indices(len(points), 1)
     distance = np.abs(points[first] - points[second]).max(axis=1)
     order = np.argsort(distance, kind="stable")
-    order = order[distance[order] <= NEAR]
+    order = order[distance[order] <= near]
     return list(zip(first[order].tolist(), second[order].tolist(), strict=True))
 
 

@@ -11,16 +11,10 @@ from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ..over_prior import Scenarios
 from ..settings import ExchangeSettings, searched_by
-from .auto_search import LEAST_GAIN, AutoSearch
+from .auto_search import AutoSearch
 from .candidate_archive import CandidateArchive
 from .exchange_search import ExchangeSearch
 from .point_search import PointSearch
-
-GOOD = 3000
-"""Candidates of former searches over which points are exchanged: those with the largest sensitivity."""
-
-ROUNDS = 3
-"""Between two ascents."""
 
 
 @dataclass
@@ -43,10 +37,10 @@ class FollowingSearch(AutoSearch):
         # What candidates can determine does not depend on the size; the best of them, which are few, may determine less.
         self._restrict_to_estimable(pool, None if self.last is None else self.last.spaces)
         design = self.best.information
-        while gain > LEAST_GAIN * self._level:
+        while gain > self.tuning.cycle_least_gain * self._level:
             before = self._value(design)
             design = self._kept(self._ascended(self._kept(self._exchanged(design, pool))))
-            for _ in range(ROUNDS):
+            for _ in range(self.tuning.sweep_rounds):
                 yield
                 design = self._round(design)
             gain = self._value(design) - before
@@ -73,7 +67,7 @@ def sized_searches(
         else:
             design = last.best.information
             if candidates is None:
-                candidates = seen.best(design, previous, GOOD)
+                candidates = seen.best(design, previous, last.tuning.sweep_candidates)
             known = [design] if candidates is None else [candidates, design]
             more = np.arange(size) % len(design)  # repeated points give way to others where these have more information
             search = FollowingSearch(

@@ -28,6 +28,7 @@ from ...points.settings import resolve_threads
 from ...show.progress import Progress, check_progress, following
 from ..average import Average
 from ..found import DRAWS, UNSEEN
+from ..optimality.estimable import RIDGE
 from ..optimality.goal import Goal, goal_of
 from ..optimality.goal_criterion import criterion_of
 from ..over_prior import moved_problems
@@ -35,7 +36,6 @@ from ..scenario_values import scenario_values
 from ..settings import RunSettings
 from .run_clock import Clock
 from .run_design import RunDesign
-from .run_pool import RIDGE
 from .run_references import ClassicalRuns
 from .run_search import RunSearch
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ..average import Average
 from ..optimality.determinant import log_det_slopes
-from .run_margins import WEIGHT
-
-ITERATIONS, PAIRS = 50, 20
-"""Iterations of the ascent to first order, which costs little; and the changes of place and slope that it remembers."""
-
-LENGTHS, ARMIJO = 4.0 ** -np.arange(8), 1e-4
-"""Step lengths, tried until one gains more than this share of what the slope promises."""
-
-LEAST_GAIN = 3e-3
-"""The ascent ends where an iteration gains less, as a share of what was gained so far."""
+from .tuning import AscentTuning
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +43,7 @@ class LinearRows:
     slopes : callable
         Of matrices F (R, p, p) and rows (R, k, p), the criterion (R,) and its derivatives by F times the rows; None where an F is
         singular.
+    tuning : AscentTuning
     """
 
     rows: Array
@@ -63,6 +55,7 @@ class LinearRows:
     kappa: float
     variable: NDArray[np.intp]
     slopes: Callable[[Array, Array], tuple[Array, Array] | None] = log_det_slopes
+    tuning: AscentTuning = field(default_factory=AscentTuning)
 
     def value_and_gradient(self, step: Array) -> tuple[float, Array]:
         """The criterion less costs after a step (n,) of all variables, and its gradient (n,); -inf where F is singular."""
@@ -83,8 +76,9 @@ class LinearRows:
             slopes = self.distance_slopes.reshape(runs, -1, plants * self.distances.shape[2])
             there = _sum(of_runs, slopes).reshape(runs, plants, -1).swapaxes(0, 1) + self.distances
             short = np.maximum(0.0, self.kappa - there)
-            value -= WEIGHT / plants * float(np.square(short).sum())
-            gradient = gradient + 2 * WEIGHT / plants * _products(slopes, short.swapaxes(0, 1).reshape(runs, -1))
+            cost = self.tuning.distance_cost
+            value -= cost / plants * float(np.square(short).sum())
+            gradient = gradient + 2 * cost / plants * _products(slopes, short.swapaxes(0, 1).reshape(runs, -1))
         moving = self.variable >= 0
         return value, np.asarray(np.bincount(self.variable[moving], gradient[moving], len(step)), dtype=np.float64)
 
@@ -96,21 +90,21 @@ class LinearRows:
         By a projected quasi-Newton method (limited-memory BFGS in the numbers that are free to move; Nocedal and Wright, Numerical
         Optimization, sections 7.2 and 16.7).
         """
-        step = np.zeros(len(lower))
+        tuning, step = self.tuning, np.zeros(len(lower))
         value, slope = self.value_and_gradient(step)
         first = value
-        pairs: deque[tuple[Array, Array]] = deque(maxlen=PAIRS)
-        for _ in range(ITERATIONS):
+        pairs: deque[tuple[Array, Array]] = deque(maxlen=tuning.linear_pairs)
+        for _ in range(tuning.linear_iterations):
             free = ~(((step <= lower) & (slope < 0.0)) | ((step >= upper) & (slope > 0.0)))
             if not slope[free].any() or (late is not None and late()):
                 break
             direction = _quasi_newton(np.where(free, slope, 0.0), free, pairs)
             if not pairs:
                 direction *= np.max(upper - lower) / np.max(np.abs(direction))
-            for length in LENGTHS:
+            for length in 4.0 ** -np.arange(tuning.linear_halvings):
                 tried = np.clip(step + length * direction, lower, upper)
                 there, slope_there = self.value_and_gradient(tried)
-                if there > value + ARMIJO * slope @ (tried - step):
+                if there > value + tuning.linear_slope_share * slope @ (tried - step):
                     break
             else:
                 if not pairs:
@@ -120,7 +114,7 @@ class LinearRows:
             gain = there - value
             pairs.append((tried - step, slope - slope_there))
             step, value, slope = tried, there, slope_there
-            if gain < LEAST_GAIN * (value - first):
+            if gain < tuning.linear_least_gain * (value - first):
                 break
         return step
 
@@ -138,6 +132,7 @@ class LinearRows:
             self.kappa,
             self.variable,
             self.slopes,
+            self.tuning,
         )
 
 

@@ -8,7 +8,7 @@ where plants begin to stick at another time, some step gets past it all the same
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,21 +20,6 @@ from .run_clock import OutOfTime
 from .run_objective import RunObjective
 from .run_slopes import linear_rows
 
-FIRST, LEAST, MOST = 0.1, 1e-5, 1.0
-"""Change that each number may make at first, at least, and at most."""
-
-NEAR = 0.01
-"""Distance at which slopes are taken by central differences: the maximum is about as near."""
-
-REACHES = 4.0 ** np.array([1, 0, -1, -2])
-"""Factors on that, for the distances within which the best step is computed."""
-
-SHARES, MANY = np.array([1.0, 0.7, 0.4, 0.2]), 64
-"""Shares of these steps that are tried; only the whole steps where many runs on many plants leave no lanes free."""
-
-SMALL_GAIN, MOST_SMALL = 1e-4, 4
-"""The ascent ends after so many iterations in a row that gain less."""
-
 
 class Peak(NamedTuple):
     """Free numbers (L, d) where an ascent has ended, what the runs are worth, by how much numbers may change where it goes on, and
@@ -42,8 +27,8 @@ class Peak(NamedTuple):
 
     z: Array
     value: float
-    reach: float = FIRST
-    done: bool = False
+    reach: float
+    done: bool
 
 
 def ascend(
@@ -52,15 +37,17 @@ def ascend(
     selected: NDArray[np.bool_] | None,
     iterations: int,
     rng: np.random.Generator,
-    reach: float = FIRST,
+    reach: float,
 ) -> Peak:
     """The best runs that an ascent from free numbers z (L, d) finds; in the time that there is."""
     value = float(objective.values(z[None], selected)[0])
-    small, done = 0, False
-    shares = SHARES[:1] if len(z) * len(objective.plants) > MANY else SHARES
+    small, done, tuning = 0, False, objective.tuning.ascent
+    factors, shares = tuning.reach_factors, tuning.step_shares
+    if len(z) * len(objective.plants) > objective.tuning.most_lanes:
+        shares = shares[:1]
     for _ in range(iterations):
         try:
-            linear = linear_rows(objective, z, selected, reach < NEAR, rng)
+            linear = linear_rows(objective, z, selected, reach < objective.tuning.central_reach, rng)
             if linear is None or not np.isfinite(value):
                 return Peak(z, value, reach, True)
             moving = linear.variable >= 0
@@ -76,28 +63,33 @@ def ascend(
         gain = values[best] - value
         if gain > 0:
             z, value = tried[best], float(values[best])
-            reach = float(np.clip(1.5 * reach * REACHES[best % len(REACHES)] * shares[best // len(REACHES)], LEAST, MOST))
+            longer = tuning.reach_growth * reach * factors[best % len(factors)] * shares[best // len(factors)]
+            reach = float(np.clip(longer, tuning.least_reach, tuning.most_reach))
         else:
-            reach *= float(REACHES[-1])
-        small = small + 1 if gain < SMALL_GAIN else 0
-        done = small == MOST_SMALL or reach < LEAST
+            reach *= factors[-1]
+        small = small + 1 if gain < tuning.small_gain else 0
+        done = small == tuning.most_small_gains or reach < tuning.least_reach
         if done:
             break
-    return Peak(z, value, max(reach, LEAST), done)
+    return Peak(z, value, max(reach, tuning.least_reach), done)
 
 
 def trial_changes(
-    linear: LinearRows, here: Array, reach: float | Array, shares: Array = SHARES, late: Callable[[], bool] | None = None
+    linear: LinearRows,
+    here: Array,
+    reach: float | Array,
+    shares: Sequence[float],
+    late: Callable[[], bool] | None = None,
 ) -> Array:
     """Changes (T, n) of variables from `here` (n,) that are worth a try: best steps within some distances, share after share.
 
-    `reach` is by how much each variable may change, one for all or (n,); the distances are `REACHES` times as much. Steps are the
-    best so far where it is `late`.
+    `reach` is by how much each variable may change, one for all or (n,); the distances are the tuning's `reach_factors` times as
+    much. Steps are the best so far where it is `late`.
     """
     steps = []
-    for factor in REACHES:
-        distance = np.minimum(reach * factor, MOST)
+    for factor in linear.tuning.reach_factors:
+        distance = np.minimum(reach * factor, linear.tuning.most_reach)
         lower, upper = np.maximum(-distance, -here), np.minimum(distance, 1.0 - here)
         steps.append(linear.within(float(np.max(distance))).best_step(lower, upper, late))
-    changes: Array = (shares[:, None, None] * np.array(steps)).reshape(-1, len(here))
+    changes: Array = (np.array(shares)[:, None, None] * np.array(steps)).reshape(-1, len(here))
     return changes

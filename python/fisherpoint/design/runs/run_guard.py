@@ -14,36 +14,12 @@ from ...basics.values import Array
 from ...points.runs import Runs
 from ..found import DRAWS
 from .run_clock import Clock
-from .run_objective import MORE_LOOKS, RunObjective
+from .run_objective import RunObjective
 from .run_plants import RunPlants
-
-PLANTS, PART = 4000, 250
-"""Number of plants that runs are tried on during the search, and how many of them at once."""
-
-SIGMAS = 3.0
-"""Safety margin of a design that qualifies, in standard deviations of a share estimated from `DRAWS` unseen plants."""
-
-HOPELESS = ((250, 3.0), (1000, 1.5))
-"""Numbers of plants after which a run is given up, and the factors on the most that may fail at each."""
-
-RESERVED = 8.0
-"""Factor on the measured time of the plants that judge a design in the end: the classical runs beside it are judged too."""
-
-MOST_SEGMENTS = 100_000
-"""Most segments of all runs on a part of the plants, so that memory stays bounded."""
-
-LEAST_GAIN = 0.01
-"""Least gain of log det F by a smaller distance, for an even smaller one to be tried."""
+from .tuning import RunSearchTuning
 
 NORMAL = NormalDist()
 """The normal distribution; SciPy's would make the import slow."""
-
-MOST_KAPPA, MOST_CHANGES = 20.0, 20
-"""The largest distance, and how often it is changed for one start."""
-
-FAR_ABOVE, LEAST_CHANGE, MOST_CHANGE, SMALL_CHANGE = -0.2, 0.1, 1.0, 0.3
-"""Standard deviations: the excess of plants that can run a design, from which on it comes nearer to limits; and the least and
-largest change of the distance, and the largest once enough plants could run what was found."""
 
 
 class RunGuard:
@@ -57,6 +33,7 @@ class RunGuard:
     kept : Runs or None
         Runs that every plant has to run too.
     clock : Clock
+    tuning : RunSearchTuning
 
     Attributes
     ----------
@@ -67,33 +44,37 @@ class RunGuard:
         judge the design in the end are others.
     """
 
-    def __init__(self, plants: RunPlants, confidence: float | None, kept: Runs | None, clock: Clock) -> None:
+    def __init__(
+        self, plants: RunPlants, confidence: float | None, kept: Runs | None, clock: Clock, tuning: RunSearchTuning
+    ) -> None:
+        self._tuning = tuning
         self._plants, self._clock = plants, clock
         self._able = np.ones(len(plants), dtype=bool) if kept is None else plants.can_run(kept)
         may = 1.0 if confidence is None else 1.0 - confidence
-        # The largest q with q + SIGMAS sqrt(q (1 - q) / DRAWS) <= may, the end of Wilson's interval.
-        c = SIGMAS**2 / DRAWS
+        # The largest q with q + sigmas sqrt(q (1 - q) / DRAWS) <= may, the end of Wilson's interval.
+        c = self._tuning.share_sigmas**2 / DRAWS
         self.most = 1.0 if confidence is None else float((may + c / 2 - np.sqrt(c * (c / 4 + may * (1 - may)))) / (1 + c))
         self.first = 0.0 if confidence is None else max(0.0, NORMAL.inv_cdf(confidence))
 
     def share(self, runs: Runs) -> float:
         """The share of the plants that can run a design; of the first of them, where too few of these can."""
-        each, began = max(1, min(PART, MOST_SEGMENTS // runs.dt.size)), self._clock.seconds
+        tuning, began = self._tuning, self._clock.seconds
+        each = max(1, min(tuning.plants_at_once, tuning.most_guard_segments // runs.dt.size))
         able = tried = 0
         for first in range(0, len(self._plants), each):
             some = slice(first, first + each)
             one = self._plants.can_run(runs, some) & self._able[some]
             able, tried = able + int(one.sum()), tried + len(one)
             lost = 1 - able / tried
-            hopeless = any(tried >= count and lost > times * max(self.most, 1 / count) for count, times in HOPELESS)
+            hopeless = any(tried >= count and lost > times * max(self.most, 1 / count) for count, times in tuning.hopeless)
             if hopeless or self._clock.late() or self._clock.over():
                 break
-        self._clock.reserve = max(self._clock.reserve, RESERVED * DRAWS * (self._clock.seconds - began) / tried)
+        self._clock.reserve = max(self._clock.reserve, tuning.reserved_time * DRAWS * (self._clock.seconds - began) / tried)
         return able / tried
 
     def each(self, runs: Runs) -> Array:
         """The share of some plants that can run each of some runs by itself, (K,)."""
-        return np.asarray(self._plants.outputs(runs, slice(PART))[1].mean(axis=0))
+        return np.asarray(self._plants.outputs(runs, slice(self._tuning.plants_at_once))[1].mean(axis=0))
 
     def enough(self, share: float) -> bool:
         """Whether a share of the plants is enough."""
@@ -117,7 +98,7 @@ class Margin:
 
     def __init__(self, objective: RunObjective, guard: RunGuard) -> None:
         self._objective, self._guard, self._changes, self._raised = objective, guard, 0, 0
-        self._low, self._high, self._most = 0.0, np.inf, MOST_CHANGE
+        self._low, self._high, self._most = 0.0, np.inf, objective.tuning.most_kappa_change
         self._before = -np.inf
 
     def changed(self, share: float, value: float) -> bool:
@@ -125,27 +106,27 @@ class Margin:
 
         It stays, too, where the ascent's `value` gained nothing when the distance was last made smaller.
         """
-        objective, guard = self._objective, self._guard
-        if not objective.margins.exist or guard.most == 1.0 or self._changes == MOST_CHANGES:
+        objective, guard, tuning = self._objective, self._guard, self._objective.tuning
+        if not objective.margins.exist or guard.most == 1.0 or self._changes == tuning.most_kappa_changes:
             return False
         kappa, short = objective.kappa, guard.short(share)
         if guard.enough(share):
-            self._most = SMALL_CHANGE
-            if kappa == 0.0 or short > FAR_ABOVE or value < self._before + LEAST_GAIN:
+            self._most = tuning.small_kappa_change
+            if kappa == 0.0 or short > tuning.excess_sigmas or value < self._before + tuning.kappa_least_gain:
                 return False
             self._before = value
             self._high = kappa
         else:
             self._low = kappa
             self._raised += 1
-            if self._raised > 2 and objective.looks < MORE_LOOKS:
-                objective.looks, self._raised = MORE_LOOKS, 0
-        least = -self._most if guard.enough(share) else LEAST_CHANGE
-        wanted = float(np.clip(kappa + np.clip(short, least, self._most), 0.0, MOST_KAPPA))
+            if self._raised > 2 and objective.looks < tuning.more_looks_per_segment:
+                objective.looks, self._raised = tuning.more_looks_per_segment, 0
+        least = -self._most if guard.enough(share) else tuning.least_kappa_change
+        wanted = float(np.clip(kappa + np.clip(short, least, self._most), 0.0, tuning.most_kappa))
         if not self._low < wanted < self._high:
-            wanted = 0.5 * (self._low + min(self._high, MOST_KAPPA))
+            wanted = 0.5 * (self._low + min(self._high, tuning.most_kappa))
             self._low, self._high = 0.0, np.inf  # the runs have moved since
-        if abs(wanted - kappa) < 0.5 * LEAST_CHANGE:
+        if abs(wanted - kappa) < 0.5 * tuning.least_kappa_change:
             return False
         objective.kappa = wanted
         self._changes += 1

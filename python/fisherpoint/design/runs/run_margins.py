@@ -13,24 +13,14 @@ import numpy as np
 from ...basics.values import Array
 from ...information.problem import DesignProblem
 from ...information.run_tangents import RunTangents
-
-WEIGHT = 4.0
-"""What one standard deviation too few costs at a sample, in log det F."""
-
-LEAST_SPREAD = 1e-3
-"""Spread of a limit's value, as a share of its largest value on the way, where the prior makes none."""
-
-FAR = 100.0
-"""The largest distance that is reported, in standard deviations."""
-
-MOST_ROWS = 4000
-"""States at once; many more would not stay in the cache."""
+from .tuning import RunSearchTuning
 
 
 class RunMargins:
     """How far runs keep from limits of the domain."""
 
-    def __init__(self, problem: DesignProblem) -> None:
+    def __init__(self, problem: DesignProblem, tuning: RunSearchTuning) -> None:
+        self._tuning = tuning
         assumed = problem.assumed
         model = problem.limited if assumed is None else assumed.model
         self._model, self._poles, self.exist = model, len(model.poles), bool(model.domain)
@@ -48,9 +38,9 @@ class RunMargins:
         self._parts = parts
 
     def distances(self, tangents: RunTangents) -> Array:
-        """Distances of each run at each segment's end from each limit, (K, N, c), in standard deviations, and `FAR` at most."""
+        """Distances of each run at each segment's end from each limit, (K, N, c), in standard deviations."""
         count, segments = tangents.runs.dt.shape
-        each = max(1, MOST_ROWS // (segments * (1 + len(self._parts))))
+        each = max(1, self._tuning.states_at_once // (segments * (1 + len(self._parts))))
         parts = [self._distances(tangents, slice(first, first + each)) for first in range(0, count, each)]
         return np.concatenate(parts)
 
@@ -69,13 +59,14 @@ class RunMargins:
             h = np.asarray(self._model.core.limits(states, inputs, parameters)).reshape(1 + q, len(k), -1)
             h[:, :, : self._poles] *= np.sign(h[:1, :, : self._poles])
             spread = np.linalg.norm(h[1:] - h[0], axis=0)
-            spread = np.maximum(spread, LEAST_SPREAD * np.abs(h[0]).max(axis=0, initial=0.0)) + 1e-300
+            spread = np.maximum(spread, self._tuning.least_spread * np.abs(h[0]).max(axis=0, initial=0.0)) + 1e-300
             near = h[0] / spread
-        found = np.full((*there.shape, h.shape[2]), FAR)
-        found[k, n] = np.where(np.isfinite(near), np.minimum(near, FAR), 0.0)
+        most = self._tuning.most_distance
+        found = np.full((*there.shape, h.shape[2]), most)
+        found[k, n] = np.where(np.isfinite(near), np.minimum(near, most), 0.0)
         return found
 
 
-def costs_of(distances: Array, kappa: float) -> Array:
-    """What runs cost, (K,), at distances (K, ...) of fewer than kappa standard deviations."""
-    return np.asarray(WEIGHT * np.square(np.maximum(0.0, kappa - distances)).reshape(len(distances), -1).sum(axis=1))
+def costs_of(distances: Array, kappa: float, cost: float) -> Array:
+    """What runs cost, (K,), at distances (K, ...) of fewer than kappa standard deviations, each of which has a `cost`."""
+    return np.asarray(cost * np.square(np.maximum(0.0, kappa - distances)).reshape(len(distances), -1).sum(axis=1))

@@ -12,19 +12,7 @@ from ...basics.values import Array
 from ...information.run_tangents import RunTangents
 from ...points.run_region import RunCoordinates
 from .run_objective import RunObjective
-
-GRID = 7
-"""Values that a number is set to, from bound to bound."""
-
-MOST_SINGLE, MOST_SWAPS, MOST_BLOCKS = 800, 300, 200
-"""Changes of each kind; where there were more, a random choice of them."""
-
-
-AT_ONCE, MOST_GAINS = 256, 12
-"""Changes that are tried, in random order, before the best of them is made if it gains; and how many are made of each run."""
-
-FEW, CHANGES = 48, 2
-"""Changes among which a hop takes the best, whether it gains or not; and how many it makes of each run."""
+from .tuning import RunSearchTuning
 
 
 def best_moves(
@@ -40,13 +28,13 @@ def best_moves(
 
     A change gains more than `least`. Parts of `others` (K, d), good runs, are among the changes.
     """
-    judged = objective.judged(objective.tried(z, selected))
+    tuning, judged = objective.tuning, objective.judged(objective.tried(z, selected))
     total, paid = judged.matrices.sum(axis=0) + objective.previous, float(judged.costs.sum())
     for k in range(len(z)):
         own, gains, base = judged.some([k]), 0, _along(objective, z, k, selected)
-        left = _in_turn(objective.coordinates, z[k], rng, others)
-        while len(left) and gains < MOST_GAINS:
-            trial, left = left[:AT_ONCE], left[AT_ONCE:]
+        left = _in_turn(objective, z[k], rng, others)
+        while len(left) and gains < tuning.most_changes_made:
+            trial, left = left[: tuning.changes_at_once], left[tuning.changes_at_once :]
             rows = None if selected is None else np.repeat(selected[k : k + 1], len(trial), axis=0)
             runs = objective.tried(trial, rows)
             tried = objective.judged(runs) if base.status.any() else objective.judged_beside(base, runs)
@@ -59,7 +47,7 @@ def best_moves(
                 total = total - own.matrices[0] + tried.matrices[m]
                 paid += float(tried.costs[m] - own.costs[0])
                 own, base = tried.some([m]), _along(objective, z, k, selected)
-                left = _in_turn(objective.coordinates, z[k], rng, others)
+                left = _in_turn(objective, z[k], rng, others)
     return z, value
 
 
@@ -69,38 +57,44 @@ def _along(objective: RunObjective, z: Array, k: int, selected: NDArray[np.bool_
     return objective.tangents(run, outputs_alone=False)
 
 
-def _in_turn(coordinates: RunCoordinates, z: Array, rng: np.random.Generator, others: Array) -> Array:
+def _in_turn(objective: RunObjective, z: Array, rng: np.random.Generator, others: Array) -> Array:
     """All changes of a run, in random order."""
-    moved = moved_runs(coordinates, z, rng, others)
+    moved = moved_runs(objective.coordinates, z, rng, others, objective.tuning)
     return moved[rng.permutation(len(moved))]
 
 
 def hopped(objective: RunObjective, z: Array, selected: NDArray[np.bool_] | None, others: Array, rng: np.random.Generator) -> Array:
     """Free numbers (L, d) after some changes of each run, each of them the best of a few."""
     z = z.copy()
-    for _ in range(CHANGES):
+    for _ in range(objective.tuning.hop_changes):
         for k in range(len(z)):
-            moved = moved_runs(objective.coordinates, z[k], rng, others)
-            designs = np.tile(z, (min(FEW, len(moved)), 1, 1))
+            moved = moved_runs(objective.coordinates, z[k], rng, others, objective.tuning)
+            designs = np.tile(z, (min(objective.tuning.hop_candidates, len(moved)), 1, 1))
             designs[:, k] = moved[rng.permutation(len(moved))[: len(designs)]]
             if len(designs):
                 z = designs[int(np.argmax(objective.values(designs, selected)))]
     return z
 
 
-def moved_runs(coordinates: RunCoordinates, z: Array, rng: np.random.Generator, others: Array | None = None) -> Array:
+def moved_runs(
+    coordinates: RunCoordinates,
+    z: Array,
+    rng: np.random.Generator,
+    others: Array | None = None,
+    tuning: RunSearchTuning = RunSearchTuning(),
+) -> Array:
     """Free numbers (M, d) of runs that differ from z (d,) by one change; what runs share stays.
 
     A number goes to another value; two segments swap theirs, or a profile is shifted or turned round; a hold takes the value of the
     one beside it; a block of segments gets one value, or is that of one of `others` (K, d).
     """
-    moved = _single(coordinates, z)
-    found = [_some(moved, MOST_SINGLE, rng)]
+    moved = _single(coordinates, z, tuning)
+    found = [_some(moved, tuning.most_single_changes, rng)]
     for _, where in coordinates.inputs:
         if not coordinates.shared[where].any():
-            found += [_swaps(z, where, rng), _shifts(z, where), _merges(z, where), _blocks(z, where, rng)]
+            found += [_swaps(z, where, rng, tuning), _shifts(z, where), _merges(z, where), _blocks(z, where, rng, tuning)]
             if others is not None and len(others):
-                found.append(_parts(z, where, others, rng))
+                found.append(_parts(z, where, others, rng, tuning))
     return np.concatenate(found)
 
 
@@ -108,11 +102,11 @@ def _some(moved: Array, most: int, rng: np.random.Generator) -> Array:
     return moved if len(moved) <= most else moved[np.sort(rng.permutation(len(moved))[:most])]
 
 
-def _single(coordinates: RunCoordinates, z: Array) -> Array:
+def _single(coordinates: RunCoordinates, z: Array, tuning: RunSearchTuning) -> Array:
     number, values = [], []
     for j, levels in enumerate(coordinates.stepped):
         if not coordinates.shared[j]:
-            grid = np.linspace(0, 1, GRID) if levels == 0 else (np.arange(levels) + 0.5) / levels
+            grid = np.linspace(0, 1, tuning.grid_values) if levels == 0 else (np.arange(levels) + 0.5) / levels
             number += [j] * len(grid)
             values += grid.tolist()
     moved = np.tile(z, (len(number), 1))
@@ -120,13 +114,13 @@ def _single(coordinates: RunCoordinates, z: Array) -> Array:
     return moved
 
 
-def _swaps(z: Array, where: slice, rng: np.random.Generator) -> Array:
+def _swaps(z: Array, where: slice, rng: np.random.Generator, tuning: RunSearchTuning) -> Array:
     a, b = np.triu_indices(where.stop - where.start, 1)
     differ = z[where][a] != z[where][b]
     a, b = a[differ] + where.start, b[differ] + where.start
     moved, rows = np.tile(z, (len(a), 1)), np.arange(len(a))
     moved[rows, a], moved[rows, b] = z[b], z[a]
-    return _some(moved, MOST_SWAPS, rng)
+    return _some(moved, tuning.most_swaps, rng)
 
 
 def _shifts(z: Array, where: slice) -> Array:
@@ -148,22 +142,22 @@ def _merges(z: Array, where: slice) -> Array:
     return moved
 
 
-def _blocks(z: Array, where: slice, rng: np.random.Generator) -> Array:
+def _blocks(z: Array, where: slice, rng: np.random.Generator, tuning: RunSearchTuning) -> Array:
     n = where.stop - where.start
     if n < 4:
         return np.empty((0, len(z)))
-    moved = np.tile(z, (MOST_BLOCKS, 1))
+    moved = np.tile(z, (tuning.most_blocks, 1))
     for row in moved:
         length = int(np.ceil((n / 2) ** rng.random()))
         first = where.start + rng.integers(n - length + 1)
-        row[first : first + length] = rng.integers(0, GRID) / (GRID - 1)
+        row[first : first + length] = rng.integers(0, tuning.grid_values) / (tuning.grid_values - 1)
     return moved
 
 
-def _parts(z: Array, where: slice, others: Array, rng: np.random.Generator) -> Array:
+def _parts(z: Array, where: slice, others: Array, rng: np.random.Generator, tuning: RunSearchTuning) -> Array:
     """Copy a block from another run, to its place or elsewhere."""
     n = where.stop - where.start
-    moved = np.tile(z, (MOST_BLOCKS, 1))
+    moved = np.tile(z, (tuning.most_blocks, 1))
     for row in moved:
         length = int(np.ceil(n ** rng.random()))
         first, source = (where.start + rng.integers(n - length + 1) for _ in range(2))

@@ -25,12 +25,7 @@ from ..average import Average
 from ..optimality.criteria import Criterion
 from .run_clock import Clock
 from .run_margins import RunMargins, costs_of
-
-LOOKS, MORE_LOOKS = 2, 4
-"""Number of times in every segment at which distances to limits are taken, and the number where that was not enough."""
-
-LEAST_ROWS, MOST_ROWS = 16, 64
-"""Rows, of runs times plants, that one thread computes at once: enough for its lanes, and few enough for its cache."""
+from .tuning import RunSearchTuning
 
 T = TypeVar("T")
 
@@ -83,6 +78,8 @@ class RunObjective:
         Of the trajectories.
     clock : Clock, optional
         Between parts of its work `OutOfTime` is raised where this says so.
+    tuning : RunSearchTuning
+        Of the whole search: all of its parts read it here.
 
     Attributes
     ----------
@@ -104,15 +101,17 @@ class RunObjective:
         criteria: Sequence[Criterion],
         settings: Integration,
         clock: Clock | None = None,
+        tuning: RunSearchTuning = RunSearchTuning(),
     ) -> None:
+        self.tuning = tuning
         self.clock = Clock(None) if clock is None else clock
         self.problem, self.coordinates, self.plants, self.previous = problem, coordinates, plants, previous
         self.average, self.criteria = average, tuple(criteria)
-        self.kappa, self.looks, self.settings = 0.0, LOOKS, settings
-        self.margins, self.work = RunMargins(problem), 0
+        self.kappa, self.looks, self.settings = 0.0, tuning.looks_per_segment, settings
+        self.margins, self.work = RunMargins(problem, tuning), 0
         native = problem.model.in_core
         self._threads = settings.threads if native else 1  # functions of Python need not bear several threads
-        self._rows = (LEAST_ROWS, MOST_ROWS) if native else (1, 1)
+        self._rows = (tuning.least_rows_at_once, tuning.most_rows_at_once) if native else (1, 1)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
 
     def judged(self, runs: Runs) -> Judged:
@@ -248,7 +247,9 @@ class RunObjective:
         plants = len(self.plants)
         rows = tangents.rows(self.problem)
         f = information_matrices(self.problem, rows.sensitivity)
-        costs = costs_of(self.margins.distances(tangents), self.kappa) if self.costly else np.zeros(len(f))
+        costs = np.zeros(len(f))
+        if self.costly:
+            costs = costs_of(self.margins.distances(tangents), self.kappa, self.tuning.ascent.distance_cost)
         return Judged(
             f.reshape(plants, count, *f.shape[1:]).swapaxes(0, 1),
             (rows.status.reshape(plants, count) == Status.ok).all(axis=0),

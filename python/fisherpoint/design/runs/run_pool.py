@@ -12,31 +12,11 @@ from ...basics.values import Array
 from ...information.null_space import information_without_rounding, null_directions
 from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
+from ..optimality.estimable import RIDGE, SINGULAR
 from .run_clock import OutOfTime
 from .run_objective import Judged, Lasted, RunObjective
 from .run_profiles import Profile, draw_runs
 from .run_within import brought_within, first_within
-
-PART = 4
-"""Each start draws from a random 1/PART of the pool, so that starts differ."""
-
-MOST_DRAWN = 4
-"""Most runs drawn for each one that is wanted; then those that leave a limit are brought back within it."""
-
-FIRST, GROWTH, MOST = 4, 4, 256
-"""Runs that are computed at once: few at first, so that there are some before any limit of time."""
-
-CHEAP, TIGHTENED = 1.0, 128
-"""Most that runs of a start may cost for coming near limits; and how many of the best that cost more are brought further inside."""
-
-SINGULAR = 1e-13
-"""Eigenvalue of the information of all runs, scaled to unit diagonal, below which a combination of parameters is not estimable."""
-
-RIDGE = 1e-9
-"""Share of the prior's information that is added to F where runs do not determine all parameters, to compare such runs."""
-
-LEAST_GAIN, MOST_ROUNDS = 1e-4, 40
-"""Least gain of log det F for another round of exchange, and the most rounds."""
 
 
 class RunPool:
@@ -112,8 +92,9 @@ class RunPool:
         return sum(len(z) for z, _ in self._parts)
 
     def _fill(self, wanted: int, rng: np.random.Generator, profiles: Sequence[Profile] | None, explain: bool) -> None:
-        objective, size, needed = self._objective, FIRST, profiles is None
-        while len(self) < wanted and self.drawn < MOST_DRAWN * wanted:
+        objective, tuning = self._objective, self._objective.tuning
+        size, needed = tuning.first_batch, profiles is None
+        while len(self) < wanted and self.drawn < tuning.most_drawn_per_wanted * wanted:
             drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
             while len(drawn) and len(self) < wanted:
                 part, drawn = drawn[:size], drawn[size:]
@@ -126,7 +107,7 @@ class RunPool:
                     if lost := int((lasted.ok & ~taken).sum()):
                         self.rejected["no derivative"] += lost
                 self._outside.append(part[~lasted.ok])
-                size = min(GROWTH * size, MOST)
+                size = min(tuning.batch_growth * size, tuning.most_batch)
         outside = np.concatenate(self._outside)
         if len(self) < wanted and len(outside):
             inside = np.concatenate([z for z, _ in self._parts]) if self._parts else first_within(objective, outside, rng)
@@ -153,8 +134,9 @@ class RunPool:
         if not objective.costly:
             return
         costs, own = self._judged.costs, self._values()
-        dear = [k for k in np.argsort(-own, kind="stable").tolist() if costs[k] > CHEAP][:TIGHTENED]
-        cheap = np.flatnonzero(costs <= CHEAP)
+        most = objective.tuning.most_start_cost
+        dear = [k for k in np.argsort(-own, kind="stable").tolist() if costs[k] > most][: objective.tuning.most_tightened]
+        cheap = np.flatnonzero(costs <= most)
         if not len(cheap):
             quiet = objective.coordinates.quiet[None]
             if self._cheap(quiet)[0]:
@@ -165,7 +147,7 @@ class RunPool:
 
     def _cheap(self, z: Array) -> NDArray[np.bool_]:
         judged = self._objective.judged(self._objective.tried(z, None))
-        return np.asarray(judged.ok & (judged.costs <= CHEAP))
+        return np.asarray(judged.ok & (judged.costs <= self._objective.tuning.most_start_cost))
 
     def _join(self, z: Array) -> None:
         if len(z):
@@ -198,9 +180,13 @@ class RunPool:
         """Free numbers (count, d) of the best runs, less what they cost."""
         return self._z[np.argsort(self._judged.costs - self._values(), kind="stable")[:count]]
 
-    def chosen(self, n_runs: int, rng: np.random.Generator, part: int = PART) -> Array:
-        """Free numbers of runs of a random part, by exchange: each gives way to the best one beside the others, until none does."""
+    def chosen(self, n_runs: int, rng: np.random.Generator, part: int | None = None) -> Array:
+        """Free numbers of runs of a random part, by exchange: each gives way to the best one beside the others, until none does.
+
+        A random one in `part` of the pool; default: the tuning's.
+        """
         objective = self._objective
+        part = objective.tuning.pool_part if part is None else part
         some = rng.permutation(len(self._z))[: max(n_runs, -(-len(self._z) // part))]
         if n_runs == 1 and len(fresh := some[~np.isin(some, self._begun)]):
             some = fresh
@@ -209,14 +195,14 @@ class RunPool:
         total = f[chosen].sum(axis=0) + objective.previous
         ridge = RIDGE * np.eye(total.shape[-1])
         value = -np.inf
-        for _ in range(MOST_ROUNDS):
+        for _ in range(objective.tuning.most_start_rounds):
             before = value
             for k in range(n_runs):
                 others, paid = total - f[chosen[k]], costs[chosen].sum() - costs[chosen[k]]
                 values = objective.averages(others + f + ridge) - costs - paid
                 chosen[k] = int(np.argmax(values))
                 total, value = others + f[chosen[k]], float(values[chosen[k]])
-            if not value > before + LEAST_GAIN:
+            if not value > before + objective.tuning.start_least_gain:
                 break
         self._begun += some[chosen].tolist()
         z = self._z[some[chosen]].copy()

@@ -12,16 +12,13 @@ from collections.abc import Callable
 from .run_climb import Climb
 from .run_objective import RunObjective
 
-RUNG, KEPT = 600_000, 3
-"""Segments that all climbs of a rung take together, each an equal share; and one in so many goes on to the next rung."""
-
 
 def race(objective: RunObjective, climbs: list[Climb], report: Callable[[Climb], None]) -> None:
     """Let climbs go on until one is left, or all that are left have ended; `report` is called after each turn."""
     going = climbs
     while True:
         for one in going:
-            end = objective.work + RUNG // len(going)
+            end = objective.work + objective.tuning.rung_segments // len(going)
             while not one.ended and (one.last is None or objective.work < end):
                 objective.clock.check()
                 one.step()
@@ -29,4 +26,4 @@ def race(objective: RunObjective, climbs: list[Climb], report: Callable[[Climb],
         going = sorted(going, key=lambda one: one.worth, reverse=True)
         if len(going) == 1 or all(one.ended for one in going):
             return
-        going = going[: -(-len(going) // KEPT)]
+        going = going[: -(-len(going) // objective.tuning.rung_survivors)]

@@ -12,12 +12,6 @@ from .run_objective import RunObjective
 from .run_pool import RunPool
 from .run_profiles import CLASSICAL
 
-DRAWN = 100
-"""Random runs of each profile."""
-
-MOST_SEGMENTS = 100_000
-"""Most segments of all of them, on all plants; at least a few are drawn."""
-
 
 class ClassicalRuns(NamedTuple):
     """log det F of runs of a classical profile, -inf where F is singular, and the share of the plants that can run them."""
@@ -35,8 +29,8 @@ def classical_runs(objective: RunObjective, n_runs: int, seed: int) -> dict[str,
     found: dict[str, Array] = {}
     if not objective.coordinates.inputs:
         return found
-    segments = objective.coordinates.segments
-    wanted = max(4 * n_runs, 20, min(DRAWN, MOST_SEGMENTS // (segments * len(objective.plants))))
+    most = objective.tuning.most_classical_segments // (objective.coordinates.segments * len(objective.plants))
+    wanted = max(4 * n_runs, 20, min(objective.tuning.classical_runs, most))
     for place, (name, profile) in enumerate(CLASSICAL.items()):
         rng = np.random.default_rng([seed, 2, place])
         try:

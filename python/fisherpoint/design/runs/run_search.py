@@ -1,11 +1,14 @@
 """The search for runs: starts from a pool of random ones, then all free numbers together, then single changes, and again.
 
-One start of it takes runs from a part of the pool (run_pool.py), or is a classical one (run_references.py). An ascent leads to a
-local maximum of log det F, all numbers of all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it,
-until none of them gains (run_climb.py). Where that is much work, all starts get some of it, and only the best go on (run_race.py).
-How many end at the same value is what is known about whether there is a better one.
+A start takes runs from a part of the pool (run_pool.py), or is a classical one (run_references.py). An ascent leads to a local
+maximum of log det F, all numbers of all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it, until
+none of them gains (run_climb.py). After each step plants are tried, and the distance from limits changes (run_guard.py). Where that
+is much work, all starts get some of it, and only the best go on (run_race.py). The winner hops and climbs until that is in vain,
+and its numbers are rounded (run_tidy.py). How many starts end at the same value is what is known about whether there is a better
+one.
 
 Its work is counted in starts and iterations, so that it finds the same on every machine; a limit of time only cuts it short.
+`RunSearchTuning` has the numbers.
 """
 
 from __future__ import annotations
@@ -25,40 +28,20 @@ from ...show.progress import Progress
 from ..average import Average
 from ..optimality.criteria import Criterion
 from ..optimality.estimability import RUNS, restricted_criteria
+from ..optimality.estimable import RIDGE
 from ..settings import RunSettings
 from .reached_runs import ReachedRuns
 from .run_climb import Climb
 from .run_clock import Clock, OutOfTime
-from .run_guard import PLANTS, RunGuard
+from .run_guard import RunGuard
 from .run_objective import RunObjective
 from .run_plants import RunPlants
-from .run_pool import RIDGE, RunPool, determine_all
+from .run_pool import RunPool, determine_all
 from .run_race import race
 from .run_references import classical_runs
-from .run_tidy import MOST_LOST as MOST_LOST_BY_ROUNDING
 from .run_tidy import tidied
 from .sample_choice import best_samples
-
-SAME = 1e-2
-"""Starts whose log det F is this near to the best one have found the same."""
-
-FINE = 1e-6
-"""Tolerance of the trajectories that differences are taken of, or the problem's where that is finer."""
-
-SHORT = 1.0
-"""What a standard deviation of the distance from limits costs in log det F, about: by that much runs are worth less for each one
-that they would have to keep further away for enough plants."""
-
-MOST_SEGMENTS_OF_POOL = 400_000
-
-OTHERS = 50
-"""Number of the pool's best runs that single changes copy parts of."""
-
-LOOKED_AT = 5
-"""Number of the pool's best runs that are tried on the plants."""
-
-SHARES_OF_TIME = (0.2, 0.3, 0.6)
-"""Shares of the time limit at which the pool, the classical runs, and the race of starts have to end."""
+from .tuning import RunSearchTuning
 
 
 class RunSearch:
@@ -80,6 +63,7 @@ class RunSearch:
     clock : Clock
     kept : Runs, optional
         Runs that plants have to be able to run too; their information is in `previous`.
+    tuning : RunSearchTuning, optional
 
     Attributes
     ----------
@@ -104,23 +88,26 @@ class RunSearch:
         threads: int,
         clock: Clock,
         kept: Runs | None = None,
+        tuning: RunSearchTuning | None = None,
     ) -> None:
+        self.tuning = tuning = RunSearchTuning() if tuning is None else tuning
         self.problem, self.region, self.clock, self.threads = problem, region, clock, threads
         self.n_runs = n_runs = settings.n_runs - (0 if kept is None else len(kept))
         self.n_starts, self.seed = settings.n_starts, settings.seed
         self._share_of_plants = settings.goal.share_of_plants
         self.coordinates: RunCoordinates = region.coordinates(problem.model)
         self._settings = problem.integration(threads)
-        finer = self._settings._replace(rtol=min(self._settings.rtol, FINE))
-        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, criteria, finer, clock)
+        finer = self._settings._replace(rtol=min(self._settings.rtol, tuning.trajectory_rtol))
+        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, criteria, finer, clock, tuning)
         self._rng = np.random.default_rng(self.seed)
-        of_search = RunPlants(problem, PLANTS, np.random.default_rng([self.seed, 1]), self._settings)
-        self.guard = RunGuard(of_search, self._share_of_plants, kept, clock)
+        of_search = RunPlants(problem, tuning.plants, np.random.default_rng([self.seed, 1]), self._settings)
+        self.guard = RunGuard(of_search, self._share_of_plants, kept, clock, tuning)
         self._climbs: list[Climb] = []
         self.classical: dict[str, ReachedRuns] = {}
         self._found: list[ReachedRuns] = []
-        wanted = max(4 * n_runs, 20, min(settings.n_candidates, MOST_SEGMENTS_OF_POOL // (region.segments * len(plants))))
-        clock.share = SHARES_OF_TIME[0]
+        most = tuning.most_pool_segments // (region.segments * len(plants))
+        wanted = max(4 * n_runs, 20, min(settings.n_candidates, most))
+        clock.share = tuning.time_shares[0]
         self.pool = RunPool(self.objective, wanted, self._rng)
         clock.share = 1.0
         self.singular = self.pool.singular and criteria[0].of_all
@@ -142,7 +129,8 @@ class RunSearch:
     @property
     def again(self) -> int:
         """How many starts have ended where the best one did."""
-        return sum(end.value >= self.best.value - SAME and end.feasible == self.best.feasible for end in self.ends)
+        least = self.best.value - self.tuning.same_value
+        return sum(end.value >= least and end.feasible == self.best.feasible for end in self.ends)
 
     def planned(self, found: ReachedRuns) -> Runs:
         """The runs that were found."""
@@ -175,7 +163,7 @@ class RunSearch:
         """Evaluate classical runs, and set how far runs keep from limits at first."""
         objective = self.objective
         if objective.problem.model.in_core:
-            self.clock.share = SHARES_OF_TIME[1]
+            self.clock.share = self.tuning.time_shares[1]
             for name, z in classical_runs(objective, self.n_runs, self.seed).items():
                 self.clock.share = 1.0
                 self.classical[name] = self._tried(z, self._chosen_samples(z))
@@ -191,7 +179,7 @@ class RunSearch:
         """Whether enough plants can run the best single runs of the pool as they are: then limits hardly matter."""
         if self._share_of_plants is None or not self.objective.margins.exist:
             return True
-        return all(self.guard.enough(share) for share in self.guard.each(self.pool.best(LOOKED_AT)))
+        return all(self.guard.enough(share) for share in self.guard.each(self.pool.best(self.tuning.runs_looked_at)))
 
     def _climb(self, progress: Callable[[Progress], None] | None) -> None:
         """Race the best starts, and follow the winner to its end, and from there."""
@@ -207,7 +195,7 @@ class RunSearch:
         order = np.argsort(-worth, kind="stable")[: self.n_starts]
         ways = self._tried, self._chosen_samples, self._others, self._rng
         self._climbs = [Climb(self.objective, self.guard, starts[k], *ways) for k in order]
-        self.clock.share = SHARES_OF_TIME[2]
+        self.clock.share = self.tuning.time_shares[2]
         try:
             race(self.objective, self._climbs, report)
         except OutOfTime:
@@ -226,7 +214,7 @@ class RunSearch:
 
     def _others(self) -> Array:
         """Free numbers of the pool's best runs, and of the best of all starts."""
-        return np.concatenate([self.pool.best_numbers(OTHERS), *(found.z for found in self.ends)])
+        return np.concatenate([self.pool.best_numbers(self.tuning.copied_from), *(found.z for found in self.ends)])
 
     def _tried(self, z: Array, selected: NDArray[np.bool_] | None) -> ReachedRuns:
         """What runs are worth without costs, and how many plants can run them.
@@ -248,7 +236,7 @@ class RunSearch:
         regular = bool(np.isfinite(value))
         if regular and self.objective.criteria[0].of_all:
             regular = determine_all(judged.matrices.sum(axis=0) + self.objective.previous)
-        worth = value - SHORT * max(0.0, self.guard.short(share)) * (not enough)
+        worth = value - self.tuning.value_per_sigma * max(0.0, self.guard.short(share)) * (not enough)
         return ReachedRuns(z, selected, value, share, enough, regular, (regular, enough, worth))
 
     def tidy(self, found: ReachedRuns) -> tuple[Runs, float]:
@@ -270,9 +258,9 @@ class RunSearch:
             good = not run_rows(self.problem, design, self.problem.theta, self._settings).status.any()
             return good and (not found.feasible or self.guard.enough(self.guard.share(design)))
 
-        least = max([found.value - MOST_LOST_BY_ROUNDING, *rivals])
+        least = max([found.value - self.tuning.most_lost_by_rounding, *rivals])
         try:
-            plan = tidied(runs, self.region, self.problem.model, worth, able, least)
+            plan = tidied(runs, self.region, self.problem.model, worth, able, least, self.tuning)
             return plan, float(worth([plan])[0]) if plan is not runs else found.value
         except OutOfTime:
             return runs, found.value

@@ -20,12 +20,6 @@ from ..optimality.determinant import slopes_of
 from .linear_rows import LinearRows
 from .run_objective import RunObjective
 
-STEP = 1e-3
-"""Step of a free number for difference quotients."""
-
-MOST_SLOPES = 20_000_000
-"""Slopes at once, so that memory stays bounded."""
-
 
 class _RunParts(NamedTuple):
     """Parts of K runs on R plants: rows (R, K, m, p), distances (R, K, c), and which runs reach their ends on all plants."""
@@ -54,7 +48,7 @@ def linear_rows(
     run, number = np.nonzero(variable >= 0)
     if not len(run):
         return None
-    inward = np.where(z[run, number] < 0.5, STEP, -STEP)
+    inward = np.where(z[run, number] < 0.5, objective.tuning.difference_step, -objective.tuning.difference_step)
 
     def beside(step: Array) -> _RunParts:
         """Parts of runs that each have one number changed by a step."""
@@ -99,6 +93,7 @@ def linear_rows(
         objective.kappa,
         variable,
         partial(slopes_of, objective.criteria),
+        objective.tuning.ascent,
     )
 
 
@@ -123,7 +118,7 @@ def _variables(objective: RunObjective, count: int, size: int, rng: np.random.Ge
     common, own = np.flatnonzero(free & shared), np.flatnonzero(free & ~shared)
     variable[:, common] = np.arange(len(common))
     variable[:, own] = len(common) + np.arange(count * len(own)).reshape(count, -1)
-    n, most = len(common) + count * len(own), max(1, MOST_SLOPES // max(1, size))
+    n, most = len(common) + count * len(own), max(1, objective.tuning.most_slopes // max(1, size))
     if n > most:
         kept = np.zeros(n, dtype=bool)
         kept[rng.permutation(n)[:most]] = True

@@ -16,18 +16,7 @@ from ...basics.values import Array
 from ...models import Model
 from ...points.run_region import DECADE, RunRegion
 from ...points.runs import Runs
-
-MOST_LOST = 1e-3
-"""Largest loss of log det F by all rounding."""
-
-COARSEST, FINEST = 1 / 10, 1 / 2000
-"""Steps to which numbers are rounded, as shares of their range; of 1, 2 and 5 times a power of ten."""
-
-NEAR = 0.1
-"""Neighbours that differ by less, as a share of the range, may become equal."""
-
-PREFIXES, ROUNDS = 8, 3
-"""How many of the best merges are tried together, in so many steps, and how often."""
+from .tuning import RunSearchTuning
 
 
 def tidied(
@@ -37,6 +26,7 @@ def tidied(
     worth: Callable[[list[Runs]], Array],
     able: Callable[[Runs], bool],
     least: float,
+    tuning: RunSearchTuning = RunSearchTuning(),
 ) -> Runs:
     """The runs with round numbers, and with fewer different ones.
 
@@ -52,8 +42,9 @@ def tidied(
         Whether enough plants can run a design.
     least : float
         What log det F must not fall below.
+    tuning : RunSearchTuning
     """
-    fits = _Fits(region, model)
+    fits = _Fits(region, model, tuning)
 
     def best(designs: list[Runs]) -> Runs | None:
         """The first that is worth enough and can be run."""
@@ -61,15 +52,17 @@ def tidied(
         values = worth(designs) if designs else np.empty(0)
         return next((one for one, value in zip(designs, values, strict=True) if value >= least and able(one)), None)
 
-    rounded = best([fits.rounded(runs, share) for share in _shares()])
+    rounded = best([fits.rounded(runs, share) for share in _shares(tuning)])
     runs = runs if rounded is None else rounded
-    for _ in range(ROUNDS):
+    for _ in range(tuning.merge_rounds):
         merges = list(fits.merges(runs))
         if not merges:
             break
         values = worth([fits.merged(runs, [one]) for one in merges])
         order = [k for k in np.argsort(-values, kind="stable").tolist() if values[k] >= least]
-        lengths = sorted({-(-len(order) * k // PREFIXES) for k in range(1, PREFIXES + 1)} - {0}, reverse=True)
+        lengths = sorted(
+            {-(-len(order) * k // tuning.merge_prefixes) for k in range(1, tuning.merge_prefixes + 1)} - {0}, reverse=True
+        )
         found = best([fits.merged(runs, [merges[k] for k in order[:length]]) for length in lengths])
         if found is None:
             break
@@ -77,10 +70,10 @@ def tidied(
     return runs
 
 
-def _shares() -> Iterator[float]:
+def _shares(tuning: RunSearchTuning) -> Iterator[float]:
     """Steps as shares of a range, the coarsest first."""
-    share = COARSEST
-    while share >= FINEST:
+    share = tuning.coarsest_step
+    while share >= tuning.finest_step:
         yield share
         share /= 2
 
@@ -88,7 +81,8 @@ def _shares() -> Iterator[float]:
 class _Fits:
     """Which numbers of the runs of a region may be rounded."""
 
-    def __init__(self, region: RunRegion, model: Model) -> None:
+    def __init__(self, region: RunRegion, model: Model, tuning: RunSearchTuning) -> None:
+        self._tuning = tuning
         self._region, states, inputs = region, names_of(model.states), names_of(model.inputs)
         resting = () if region.rest is None else region.rest.names(states)
         self._starts = [(i, *region.bounds[name]) for i, name in enumerate(states) if name not in resting and self._free(name)]
@@ -120,7 +114,7 @@ class _Fits:
                 values = runs.u[k, : runs.segments[k], i]
                 edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
                 for (a, b), (c, d) in pairwise(pairwise(edges)):
-                    if abs(values[a] - values[c]) <= NEAR * (upper - lower):
+                    if abs(values[a] - values[c]) <= self._tuning.merge_distance * (upper - lower):
                         yield k, i, a, b, float(values[c])
                         yield k, i, c, d, float(values[a])
 

@@ -15,18 +15,6 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from .run_objective import RunObjective
 
-HALVINGS = 9
-"""Number of halvings of the share of a run that is kept."""
-
-LEAST_SHARE = 0.002
-"""Runs that keep a smaller share are too much like the one that they are drawn to."""
-
-HELD, LEVELS = 128, 9
-"""Runs of held inputs that are tried, and the values of each input."""
-
-LONGEST, CHILDREN, ROUNDS = 16, 16, 40
-"""Runs that are prolonged at a time, by how many changes each, and how often."""
-
 
 def brought_within(
     objective: RunObjective, outside: Array, inside: Array, fits: Callable[[Array], NDArray[np.bool_]], rng: np.random.Generator
@@ -44,11 +32,11 @@ def brought_within(
         return np.where(stepped, np.where(turn < part, outside, to), to + part * (outside - to))
 
     low, high = np.zeros(len(outside)), np.ones(len(outside))
-    for _ in range(HALVINGS):
+    for _ in range(objective.tuning.halvings_within):
         middle = (low + high) / 2
         ok = fits(between(middle))
         low, high = np.where(ok, middle, low), np.where(ok, high, middle)
-    return between(low)[low >= LEAST_SHARE]
+    return between(low)[low >= objective.tuning.least_share_within]
 
 
 def first_within(objective: RunObjective, drawn: Array, rng: np.random.Generator) -> Array:
@@ -59,8 +47,8 @@ def first_within(objective: RunObjective, drawn: Array, rng: np.random.Generator
         return held[lasted.ok]
     z = np.concatenate([held, drawn])
     ends = np.append(lasted.segments, objective.lasted(drawn).segments)
-    for _ in range(ROUNDS):
-        best = np.argsort(-ends, kind="stable")[:LONGEST]
+    for _ in range(objective.tuning.prolonged_rounds):
+        best = np.argsort(-ends, kind="stable")[: objective.tuning.prolonged_runs]
         z, ends = z[best], ends[best]
         children = np.concatenate([_prolonged(objective, one, int(end), rng) for one, end in zip(z, ends, strict=True)])
         lasted = objective.lasted(children)
@@ -72,23 +60,23 @@ def first_within(objective: RunObjective, drawn: Array, rng: np.random.Generator
 
 def _held(objective: RunObjective, rng: np.random.Generator) -> Array:
     """Runs of inputs that stay: those at rest, and others, from several starts."""
-    coordinates = objective.coordinates
-    z = np.tile(coordinates.quiet, (HELD, 1))
+    coordinates, held, levels = objective.coordinates, objective.tuning.held_runs, objective.tuning.held_levels
+    z = np.tile(coordinates.quiet, (held, 1))
     inputs = np.array([name in coordinates.input_names for name in coordinates.names], dtype=bool)
-    z[1:, ~inputs] = rng.random((HELD - 1, (~inputs).sum()))
+    z[1:, ~inputs] = rng.random((held - 1, (~inputs).sum()))
     for name in coordinates.input_names:
         where = np.array([one == name for one in coordinates.names])
-        z[HELD // 4 :, where] = rng.integers(0, LEVELS, (HELD - HELD // 4, 1)) / (LEVELS - 1)
+        z[held // 4 :, where] = rng.integers(0, levels, (held - held // 4, 1)) / (levels - 1)
     return z
 
 
 def _prolonged(objective: RunObjective, z: Array, end: int, rng: np.random.Generator) -> Array:
-    """Runs whose inputs differ in some segments before the end (CHILDREN, d)."""
-    found = np.tile(z, (CHILDREN, 1))
+    """Runs whose inputs differ in some segments before the end, (children, d)."""
+    found, levels = np.tile(z, (objective.tuning.prolonged_children, 1)), objective.tuning.held_levels
     for child in found:
         for _, where in objective.coordinates.inputs:
             last = min(end + 1, where.stop - where.start)
             first = last - int(np.ceil(last ** rng.random()))
             stop = first + int(np.ceil((last - first) * rng.random()))
-            child[where][first:stop] = rng.integers(0, LEVELS) / (LEVELS - 1)
+            child[where][first:stop] = rng.integers(0, levels) / (levels - 1)
     return found

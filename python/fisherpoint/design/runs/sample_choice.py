@@ -9,10 +9,6 @@ from ...basics.values import Array
 from ...points.runs import Runs
 from .run_objective import RunObjective
 
-ROUNDS_OF_WEIGHTS = 100
-
-MOST_EXCHANGES = 200
-
 
 def best_samples(objective: RunObjective, runs: Runs, count: int) -> NDArray[np.bool_]:
     """Flags (L, N) of `count` samples of each run, among those that it measures."""
@@ -24,7 +20,7 @@ def best_samples(objective: RunObjective, runs: Runs, count: int) -> NDArray[np.
     np.put_along_axis(chosen, order[:, :count], True, axis=1)
     total = f[chosen].sum(axis=0) + objective.previous
     value = float(objective.averages(total))
-    for _ in range(MOST_EXCHANGES):
+    for _ in range(objective.tuning.most_sample_exchanges):
         best, change = value, None
         for run in range(shape[0]):
             inside, outside = np.flatnonzero(chosen[run]), np.flatnonzero(allowed[run] & ~chosen[run])
@@ -50,7 +46,7 @@ def _weights(objective: RunObjective, f: Array, allowed: NDArray[np.bool_], coun
     """
     weights = np.where(allowed, count / np.maximum(allowed.sum(axis=1, keepdims=True), 1), 0.0)
     p = f.shape[-1]
-    for _ in range(ROUNDS_OF_WEIGHTS):
+    for _ in range(objective.tuning.sample_weight_rounds):
         total = np.einsum("kn,knrij->rij", weights, f) + objective.previous
         ridge = 1e-12 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(p)
         weights = weights * _gains(objective, f, total + ridge)
