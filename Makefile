@@ -30,7 +30,7 @@ test-python: $(VENV)/.developer
 
 # The kernels' tests on the levels that `test-python`, which takes the best one, leaves out.
 test-levels: $(VENV)/.developer
-	@set -e; for level in $$($(BIN)/python -c 'import fisherpoint as fp; print(*fp.available_isas()[:-1])'); do \
+	@set -e; for level in $$($(BIN)/python -c 'import fisherpoint as fp; print(*fp.instruction_sets()[:-1])'); do \
 	  echo "x86-64-$$level"; FISHERPOINT_ISA=$$level $(BIN)/python -m pytest -q $(PARALLEL) -m kernels \
 	    $$(grep -l 'mark[.]kernels' tests/python/test_*.py); \
 	done

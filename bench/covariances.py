@@ -170,7 +170,7 @@ def _std_error(count: int) -> float:
 
 def _rate_by_isa(rounds: int, stride: int) -> dict[str, float]:
     """`rate_on_one_thread` for every instruction set of this machine, the best of rounds taken in turn."""
-    levels = fp.available_isas()
+    levels = fp.instruction_sets()
     best = dict.fromkeys(levels, 0.0)
     for _ in range(rounds):
         for level in levels:

@@ -35,7 +35,7 @@ def measure(quick: bool) -> list[ExactFigures]:
     for name, problem, candidates, sizes in _cases():
         for n in sizes[:1] if quick else sizes:
             begin = process_time()
-            found = fp.exact(problem, candidates, n, time_limit=TIME_LIMIT, threads=1)
+            found = fp.exact_design(problem, candidates, n, time_limit=TIME_LIMIT, threads=1)
             seconds = process_time() - begin
             proven = found.of_weights, found.efficiency, found.stop_reason, found.nodes
             rows.append(ExactFigures(name, len(candidates), n, found.value, *proven, seconds))
@@ -62,7 +62,7 @@ def _cases() -> Iterator[tuple[str, fp.DesignProblem, fp.Experiments, range | tu
 def _problem(of: str, mean: dict[str, float], bounds: dict[str, tuple[float, float]]) -> fp.DesignProblem:
     model = fp.SymbolicModel([], [of], {}, dict.fromkeys(bounds, "1"), dict.fromkeys(mean, "1"), {"y": "1"})
     region = fp.ExperimentRegion(bounds)
-    return fp.DesignProblem(model, fp.GaussianPrior(mean, mean), region, noise_std={"y": 1.0}, rule=fp.Linearized())
+    return fp.DesignProblem(model, fp.GaussianPrior(mean, mean), region, noise_std={"y": 1.0}, rule=fp.LinearizedRule())
 
 
 def _at(u: np.ndarray) -> fp.Experiments:

@@ -16,7 +16,7 @@ def describe() -> dict[str, str]:
     return {
         "processor": _processor(),
         "cores": str(resolve_threads(None)),
-        "instruction set": f"{fp.isa()} of {', '.join(fp.available_isas())}",
+        "instruction set": f"{fp.instruction_set()} of {', '.join(fp.instruction_sets())}",
         "system": platform.platform(),
         "fisherpoint": fp.__version__,
         "python": platform.python_version(),

@@ -26,7 +26,7 @@ def log_dets(problem: fp.DesignProblem, points: fp.Experiments) -> np.ndarray:
     for theta in UNSEEN.nodes(problem)[0]:
         prior = fp.GaussianPrior(dict(zip(problem.prior.names, theta.tolist(), strict=True)), dict(problem.prior.std))
         try:
-            found.append(fp.evaluate_design(problem.replace(prior=prior), points).log_det)
+            found.append(fp.evaluate(problem.replace(prior=prior), points).log_det)
         except ValueError:
             found.append(np.nan)
     return np.array(found)

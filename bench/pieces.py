@@ -46,7 +46,7 @@ def picked(samples: int, every: int) -> dict[str, float]:
     problem, record = motor_log(samples)
     before, begin = peak_memory(), perf_counter()
     pieces = fp.pieces(record, problem.model, length=LENGTH, every=every)
-    design = fp.best_pieces(problem, pieces, PICKED)
+    design = fp.design_pieces(problem, pieces, PICKED)
     seconds = perf_counter() - begin
     return {
         "samples": samples,

@@ -34,13 +34,13 @@ def problem(place: str) -> fp.DesignProblem:
 
 def accuracy(place: str, design: fp.Design) -> Iterator[list[str]]:
     """For every width: changes of standard errors in percent, and the largest change of an output in std of its noise."""
-    sharp = fp.evaluate_design(design.problem, design.points)
+    sharp = fp.evaluate(design.problem, design.points)
     reference = fp.simulate(SHARP, design.points, SHARP.nominal, rtol=1e-9).y
     assert sharp.standard_errors is not None
     surface = PLACES[place][0]
     for width in WIDTHS:
         model = fp.HydraulicCylinder(smooth={surface: width})
-        found = fp.evaluate_design(design.problem.replace(model=model), design.points)
+        found = fp.evaluate(design.problem.replace(model=model), design.points)
         assert found.standard_errors is not None
         change = {name: 100 * (found.standard_errors[name] / value - 1) for name, value in sharp.standard_errors.items()}
         worst = max((name for name in change if name not in ("a_tau", "b_tau")), key=lambda name: abs(change[name]))

@@ -16,5 +16,5 @@ print(f"\nwith an unknown one:\n{fp.identifiability(model, prior, problem.region
 
 # The same is seen in the points: F is singular.
 unknown = fp.DesignProblem(model, prior, region=None, noise_std=problem.noise_std)
-evaluation = fp.evaluate_design(unknown, design.points)
+evaluation = fp.evaluate(unknown, design.points)
 print(f"\nthe design's points: rank {evaluation.rank} of {len(mean)}")

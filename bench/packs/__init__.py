@@ -50,7 +50,7 @@ def measure(quick: bool) -> tuple[list[Figures], list[str]]:
     programs = {
         (level, kind, lanes * width): _program(level, kind, lanes * width)
         for level, lanes in NATIVE_LANES.items()
-        if level in fp.available_isas()
+        if level in fp.instruction_sets()
         for kind, (_, widths, _) in BACKINGS.items()
         if reasons[kind] is None
         for width in widths

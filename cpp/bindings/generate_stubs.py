@@ -13,7 +13,7 @@ from pathlib import Path
 
 import fisherpoint as fp
 
-STUBS = {"_core": "_core.pyi", f"_kernels_{fp.isa()}": "_kernels.pyi"}
+STUBS = {"_core": "_core.pyi", f"_kernels_{fp.instruction_set()}": "_kernels.pyi"}
 STUBS_DIRECTORY = Path(__file__).resolve().parents[2] / "python" / "fisherpoint" / "engine"
 
 

@@ -21,7 +21,7 @@ from fisherpoint.design.settings import ExchangeMethod, ExchangeSettings
 
 PAGE = Path(__file__).resolve().parents[1] / "reference" / "configuration.md"
 
-RULES = (fp.TensorGrid, fp.GaussHermite, fp.SparseGaussHermite, fp.Sobol, fp.Unscented, fp.Linearized)
+RULES = (fp.TensorGrid, fp.GaussHermite, fp.SparseGaussHermite, fp.Sobol, fp.Unscented, fp.LinearizedRule)
 
 INTRODUCTION = """\
 # The TOML file

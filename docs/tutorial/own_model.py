@@ -66,7 +66,7 @@ print(tank.mistakes_in_units, tank.jumps, tank.kinks)
 
 # %%
 prior = fp.GaussianPrior({"C": 1500.0, "G": 2.0, "eta": 0.9}, relative_std={"C": 0.1, "G": 0.3, "eta": 0.05})
-warm, hot = fp.convert([20.0, 80.0], "degC", "K")
+warm, hot = fp.convert_unit([20.0, 80.0], "degC", "K")
 region = fp.ExperimentRegion({"T": (warm, hot), "P": (0.0, 100.0), "dt": (10.0, 600.0)})
 found = fp.identifiability(tank, prior, region)
 print(found.identifiable, found.rank)
@@ -96,11 +96,11 @@ print(fp.identifiability(known, prior, region).identifiable)
 #
 # ## The best there is
 #
-# `fp.approximate` asks which share of all measurements each experiment should get, and proves that no design can be better than
-# by so much:
+# `fp.approximate_design` finds which share of all measurements each experiment should get, and proves by how much at most any other
+# design can be better:
 
 # %%
-best = fp.approximate(problem)
+best = fp.approximate_design(problem)
 print(best.to_pandas().sort_values(["T", "P"]).round(2).to_string(index=False))
 print(best.efficiency > 0.999)
 

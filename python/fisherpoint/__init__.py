@@ -4,52 +4,47 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # `typing` takes a while to import
 if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
+    from . import results as results
     from .basics.quantity import Quantity
     from .basics.stop_reason import StopReason
-    from .basics.units import convert
+    from .basics.units import convert_unit
     from .campaign.campaign import Campaign
-    from .data import Measurements, Record, RecordTrajectory, VirtualRig, simulate_record
+    from .data import Measurements, Record, VirtualRig, simulate_record
     from .data.pieces import Pieces, pieces
-    from .design.approximate import approximate
-    from .design.compare import ComparedDesign, DesignComparison, compare
+    from .design.approximate import approximate_design
+    from .design.compare import compare
     from .design.configuration import load_problem
     from .design.cost import Cost
-    from .design.efficiency import Efficiency
-    from .design.exact import exact
+    from .design.exact import exact_design
     from .design.exchange import exchange
-    from .design.found import TraceRecord
     from .design.optimality.approximate_design import ApproximateDesign
     from .design.optimality.criteria import Criterion
     from .design.optimality.exact_design import ExactDesign
     from .design.optimality.goal import Goal
     from .design.optimality.goal_criterion import criterion
     from .design.over_prior import OverPrior
-    from .design.pieces.best_pieces import best_pieces
+    from .design.pieces.design_pieces import design_pieces
     from .design.pieces.piece_design import PieceDesign
     from .design.result import Design
     from .design.runs.design_runs import design_runs
     from .design.runs.run_design import RunDesign
-    from .design.scenario_values import ScenarioValues
-    from .design.settings import ExchangeMethod, ExchangeSettings, RunSettings
+    from .design.settings import ExchangeMethod
     from .design.sweep import Sweep, sweep
-    from .design.swept import SizedDesign
-    from .engine.levels import available_isas, isa
+    from .engine.levels import instruction_set, instruction_sets
     from .estimation.estimate import estimate
     from .estimation.fit import Fit
     from .information.assumed import assumed_covariance
-    from .information.comparison import RuleComparison, compare_rules
+    from .information.comparison import compare_rules
     from .information.deviations import Deviations
-    from .information.evaluate import evaluate_design, evaluate_under_noise
+    from .information.evaluate import evaluate
     from .information.evaluation import Evaluation
-    from .information.feasibility import Feasibility, feasibility
-    from .information.identifiability import Identifiability, identifiability
-    from .information.nearby import Nearby
+    from .information.feasibility import feasibility
+    from .information.identifiability import identifiability
     from .information.problem import DesignProblem
     from .models import HydraulicCylinder, Model
     from .models import math as math
     from .models.callable.model import CallableModel
     from .models.decorator import model
-    from .models.math import *  # noqa: F403  as __getattr__ has them
     from .models.symbolic import SymbolicModel
     from .models.toml import load_model
     from .points.broken_limits import broken_limits
@@ -64,45 +59,35 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .points.status import Status
     from .points.trajectories import Sensitivities, Trajectories
     from .prior.gaussian import GaussianPrior
-    from .prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+    from .prior.rules import GaussHermite, LinearizedRule, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
     from .show.progress import Progress
-    from .validation.design_validation import DesignValidation
     from .validation.result import Validation
     from .validation.validate import validate
-
 __version__ = "0.1.0"
 
 __all__ = [
     "ApproximateDesign",
     "CallableModel",
     "Campaign",
-    "ComparedDesign",
     "Constraint",
     "Cost",
     "Criterion",
     "Design",
-    "DesignComparison",
     "DesignProblem",
-    "DesignValidation",
     "Deviations",
-    "Efficiency",
     "Evaluation",
     "ExactDesign",
     "ExchangeMethod",
-    "ExchangeSettings",
     "ExperimentRegion",
     "Experiments",
-    "Feasibility",
     "Fit",
     "GaussHermite",
     "GaussianPrior",
     "Goal",
     "HydraulicCylinder",
-    "Identifiability",
-    "Linearized",
+    "LinearizedRule",
     "Measurements",
     "Model",
-    "Nearby",
     "OverPrior",
     "PieceDesign",
     "Pieces",
@@ -110,17 +95,12 @@ __all__ = [
     "Progress",
     "Quantity",
     "Record",
-    "RecordTrajectory",
     "Rest",
     "Rule",
-    "RuleComparison",
     "RunDesign",
     "RunRegion",
-    "RunSettings",
     "Runs",
-    "ScenarioValues",
     "Sensitivities",
-    "SizedDesign",
     "Sobol",
     "SparseGaussHermite",
     "Status",
@@ -128,29 +108,27 @@ __all__ = [
     "Sweep",
     "SymbolicModel",
     "TensorGrid",
-    "TraceRecord",
     "Trajectories",
     "Unscented",
     "Validation",
     "VirtualRig",
-    "approximate",
+    "approximate_design",
     "assumed_covariance",
-    "available_isas",
-    "best_pieces",
     "broken_limits",
     "compare",
     "compare_rules",
-    "convert",
+    "convert_unit",
     "criterion",
+    "design_pieces",
     "design_runs",
     "estimate",
-    "evaluate_design",
-    "evaluate_under_noise",
-    "exact",
+    "evaluate",
+    "exact_design",
     "exchange",
     "feasibility",
     "identifiability",
-    "isa",
+    "instruction_set",
+    "instruction_sets",
     "load_model",
     "load_problem",
     "model",
@@ -166,44 +144,39 @@ __all__ = [
 _PLACES = {
     ".basics.quantity": ("Quantity",),
     ".basics.stop_reason": ("StopReason",),
-    ".basics.units": ("convert",),
+    ".basics.units": ("convert_unit",),
     ".campaign.campaign": ("Campaign",),
-    ".data": ("Measurements", "Record", "RecordTrajectory", "VirtualRig", "simulate_record"),
+    ".data": ("Measurements", "Record", "VirtualRig", "simulate_record"),
     ".data.pieces": ("Pieces", "pieces"),
-    ".design.approximate": ("approximate",),
-    ".design.compare": ("ComparedDesign", "DesignComparison", "compare"),
+    ".design.approximate": ("approximate_design",),
+    ".design.compare": ("compare",),
     ".design.configuration": ("load_problem",),
     ".design.cost": ("Cost",),
-    ".design.efficiency": ("Efficiency",),
-    ".design.exact": ("exact",),
+    ".design.exact": ("exact_design",),
     ".design.exchange": ("exchange",),
-    ".design.found": ("TraceRecord",),
     ".design.optimality.approximate_design": ("ApproximateDesign",),
     ".design.optimality.exact_design": ("ExactDesign",),
     ".design.optimality.goal": ("Goal",),
     ".design.optimality.goal_criterion": ("criterion",),
     ".design.optimality.criteria": ("Criterion",),
     ".design.over_prior": ("OverPrior",),
-    ".design.pieces.best_pieces": ("best_pieces",),
+    ".design.pieces.design_pieces": ("design_pieces",),
     ".design.pieces.piece_design": ("PieceDesign",),
     ".design.result": ("Design",),
     ".design.runs.design_runs": ("design_runs",),
     ".design.runs.run_design": ("RunDesign",),
-    ".design.scenario_values": ("ScenarioValues",),
-    ".design.settings": ("ExchangeMethod", "ExchangeSettings", "RunSettings"),
+    ".design.settings": ("ExchangeMethod",),
     ".design.sweep": ("Sweep", "sweep"),
-    ".design.swept": ("SizedDesign",),
-    ".engine.levels": ("available_isas", "isa"),
+    ".engine.levels": ("instruction_set", "instruction_sets"),
     ".estimation.estimate": ("estimate",),
     ".estimation.fit": ("Fit",),
     ".information.assumed": ("assumed_covariance",),
-    ".information.comparison": ("RuleComparison", "compare_rules"),
+    ".information.comparison": ("compare_rules",),
     ".information.deviations": ("Deviations",),
-    ".information.evaluate": ("evaluate_design", "evaluate_under_noise"),
+    ".information.evaluate": ("evaluate",),
     ".information.evaluation": ("Evaluation",),
-    ".information.feasibility": ("Feasibility", "feasibility"),
-    ".information.identifiability": ("Identifiability", "identifiability"),
-    ".information.nearby": ("Nearby",),
+    ".information.feasibility": ("feasibility",),
+    ".information.identifiability": ("identifiability",),
     ".information.problem": ("DesignProblem",),
     ".models": ("HydraulicCylinder", "Model"),
     ".models.callable.model": ("CallableModel",),
@@ -222,19 +195,27 @@ _PLACES = {
     ".points.status": ("Status",),
     ".points.trajectories": ("Sensitivities", "Trajectories"),
     ".prior.gaussian": ("GaussianPrior",),
-    ".prior.rules": ("GaussHermite", "Linearized", "Rule", "Sobol", "SparseGaussHermite", "TensorGrid", "Unscented"),
+    ".prior.rules": ("GaussHermite", "LinearizedRule", "Rule", "Sobol", "SparseGaussHermite", "TensorGrid", "Unscented"),
     ".show.progress": ("Progress",),
-    ".validation.design_validation": ("DesignValidation",),
     ".validation.result": ("Validation",),
     ".validation.validate": ("validate",),
 }
 """The modules that have these names. Each is imported at the first use of a name, so that unused ones cost no time."""
 
-_FUNCTIONS = (
-    "abs", "acos", "asin", "atan", "atan2", "cos", "cosh", "exp", "heaviside", "latch", "log", "max", "min", "sign", "sin", "sinh",
-    "sqrt", "tan", "tanh", "where",
-)  # fmt: skip
-"""The names of `fisherpoint.math`. They and `math` are not in `__all__`: Python has a `max` and a `math` of its own."""
+_MODULES = {"math": ".models.math", "results": ".results"}
+"""Modules with names of their own: functions of equations, and what results consist of."""
+
+_RENAMED = {
+    "Linearized": "LinearizedRule",
+    "approximate": "approximate_design",
+    "available_isas": "instruction_sets",
+    "best_pieces": "design_pieces",
+    "convert": "convert_unit",
+    "evaluate_design": "evaluate",
+    "evaluate_under_noise": "evaluate(..., output_covariance='noise')",
+    "exact": "exact_design",
+    "isa": "instruction_set",
+}
 
 if not TYPE_CHECKING:  # for which every name would exist
 
@@ -245,15 +226,30 @@ if not TYPE_CHECKING:  # for which every name would exist
         from .basics.extras import needed_for
 
         places = [place for place, names in _PLACES.items() if name in names]
-        if name == "math" or name in _FUNCTIONS:
-            places = [".models.math"]
+        if name in _MODULES:
+            places = [_MODULES[name]]
         if not places:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}{_elsewhere(name)}")
         with needed_for(name):
             module = import_module(places[0], __name__)
-        value = globals()[name] = module if name == "math" else getattr(module, name)
+        value = globals()[name] = module if name in _MODULES else getattr(module, name)
         return value
 
 
+def _elsewhere(name: str) -> str:
+    """Where a name is that is not here, for the message."""
+    from importlib import import_module
+
+    from .basics.formulas import ARGUMENTS
+
+    if name in _RENAMED:
+        return f": it is fisherpoint.{_RENAMED[name]}"
+    if name in {*ARGUMENTS, "latch"}:
+        return f": it is fisherpoint.math.{name}"
+    if name[:1].isupper() and name in import_module(".results", __name__).__all__:
+        return f": it is fisherpoint.results.{name}"
+    return ""
+
+
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_FUNCTIONS, "math"})
+    return sorted({*__all__, *_MODULES, "__version__"})

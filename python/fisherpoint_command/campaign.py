@@ -128,7 +128,7 @@ def _check(config: Config, settings: dict[str, Any], file: Path, output: Path | 
     rows.append(("batch", str(run.batch)))
     if run.targets:
         rows.append(("targets", ", ".join(f"{name} {percent(target)}" for name, target in run.targets.items())))
-    if isinstance(run.settings, fp.ExchangeSettings):
+    if isinstance(run.settings, fp.results.ExchangeSettings):
         rows += search_rows(run.problem, settings_of(run.problem, given))[1:]
     else:
         rows += run_rows(run.problem, given)

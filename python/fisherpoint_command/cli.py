@@ -65,7 +65,7 @@ def info() -> int:
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
-    instructions = f"{fp.isa()} (available: {', '.join(fp.available_isas())})"
+    instructions = f"{fp.instruction_set()} (available: {', '.join(fp.instruction_sets())})"
     print(f"fisherpoint      {fp.__version__}")
     print(f"instruction set  {instructions}")
     print(f"processors       {os.cpu_count()}")

@@ -11,7 +11,7 @@ from fisherpoint.basics.kept import encoded
 from fisherpoint.basics.messages import listed, shortened
 from fisherpoint.basics.toml_messages import toml
 
-RULES = ("TensorGrid", "GaussHermite", "SparseGaussHermite", "Sobol", "Unscented", "Linearized")
+RULES = ("TensorGrid", "GaussHermite", "SparseGaussHermite", "Sobol", "Unscented", "LinearizedRule")
 
 OF_DESIGN = ("output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along")
 """Parts of a problem that the table [design] has."""
@@ -60,7 +60,7 @@ def _settings(campaign: fp.Campaign) -> dict[str, Any]:
     settings, goal = vars(campaign.settings), vars(campaign.settings.goal)
     tables = {"n_experiments": "campaign.batch", "n_runs": "campaign.batch", "n_starts": "runs.n_starts"}
     found = {tables.get(name, f"design.{name}"): value for name, value in settings.items() if name not in ("goal", "method")}
-    if isinstance(campaign.settings, fp.ExchangeSettings):
+    if isinstance(campaign.settings, fp.results.ExchangeSettings):
         found |= {f"design.{'method' if name == 'name' else name}": value for name, value in vars(campaign.settings.method).items()}
     return found | {f"goal.{name}": value for name, value in goal.items()}
 

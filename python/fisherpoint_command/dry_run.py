@@ -56,18 +56,20 @@ def about(trajectories: float, what: str = "") -> Row:
     return "trajectories", f"about {rounded:,.0f}{f': {what}' if what else ''}"
 
 
-def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.ExchangeSettings:
+def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.results.ExchangeSettings:
     """The settings of a search for points, with its defaults for what is not given; raise as the search does."""
     from fisherpoint.design.settings import check_goal, most_iterations
 
-    chosen = {one.name: given[one.name] for one in fields(fp.ExchangeSettings) if one.name in given}
+    chosen = {one.name: given[one.name] for one in fields(fp.results.ExchangeSettings) if one.name in given}
     method = chosen.get("method", fp.ExchangeMethod())
-    settings = fp.ExchangeSettings(**chosen | {"max_iterations": most_iterations(chosen.get("max_iterations"), method, problem)})
+    settings = fp.results.ExchangeSettings(
+        **chosen | {"max_iterations": most_iterations(chosen.get("max_iterations"), method, problem)}
+    )
     check_goal(settings, problem)
     return settings
 
 
-def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> list[Row]:
+def search_rows(problem: fp.DesignProblem, settings: fp.results.ExchangeSettings) -> list[Row]:
     """How points would be searched for."""
     from fisherpoint.design.points.tuning import PointSearchTuning
     from fisherpoint.design.settings import searched_by
@@ -95,7 +97,7 @@ def search_rows(problem: fp.DesignProblem, settings: fp.ExchangeSettings) -> lis
 
 def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
     """How runs would be searched for."""
-    settings = fp.RunSettings(**{one.name: given[one.name] for one in fields(fp.RunSettings) if one.name in given})
+    settings = fp.results.RunSettings(**{one.name: given[one.name] for one in fields(fp.results.RunSettings) if one.name in given})
     n = problem.run_region.segments
     return [
         _goal_row(settings.goal),

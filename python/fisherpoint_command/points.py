@@ -68,7 +68,7 @@ def evaluate(frame: Frame, file: File, points: Points) -> int:
 
     def compute_runs(_: Drawers) -> Outcome:
         with alive("evaluating"):
-            evaluation = fp.evaluate_design(problem, runs, threads=frame.threads)
+            evaluation = fp.evaluate(problem, runs, threads=frame.threads)
             report = evaluation.report()
             if places := list(outside(problem.model, problem.region, runs)):
                 report = replace(report, warnings=[*report.warnings, f"Outside of the region: {few(places, 10)}."])

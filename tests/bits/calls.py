@@ -103,7 +103,7 @@ def record() -> fp.Record:
 # --- trajectories ---------------------------------------------------------------------------------------------------------
 
 
-def simulated_record(threads: int) -> fp.RecordTrajectory:
+def simulated_record(threads: int) -> fp.results.RecordTrajectory:
     """A record's trajectory, which takes one thread."""
     return fp.simulate_record(tanks(), record().t, record().u, tanks().nominal, record().x0)
 
@@ -130,7 +130,7 @@ case("model of functions", written_as_functions)
 
 # --- information ----------------------------------------------------------------------------------------------------------
 
-RULES = (fp.TensorGrid(levels=2), fp.GaussHermite(2), fp.SparseGaussHermite(3), fp.Unscented(), fp.Linearized(), fp.Sobol(64))
+RULES = (fp.TensorGrid(levels=2), fp.GaussHermite(2), fp.SparseGaussHermite(3), fp.Unscented(), fp.LinearizedRule(), fp.Sobol(64))
 ASSUMED = tank_problem(uncertain={"c": 0.1}, initial_state_std={"a": 0.01}, along=["a >= 0"])
 BELOW = tank_problem(along=["a < 1.9"])
 
@@ -138,9 +138,9 @@ for rule in RULES:
     name = f"predictive covariance, {type(rule).__name__}"
     case(name, fp.predictive_covariance, CYLINDER, points(24), cylinder().prior, rule)
 for covariance in ("noise", "region", "pooled", "pointwise"):
-    case(f"evaluate, {covariance}", fp.evaluate_design, tank_problem(output_covariance=covariance), tank_points()[:6])
-case("evaluate runs", fp.evaluate_design, tank_runs(), driven())
-case("evaluate what is assumed", fp.evaluate_design, ASSUMED, tank_points()[:6])
+    case(f"evaluate, {covariance}", fp.evaluate, tank_problem(output_covariance=covariance), tank_points()[:6])
+case("evaluate runs", fp.evaluate, tank_runs(), driven())
+case("evaluate what is assumed", fp.evaluate, ASSUMED, tank_points()[:6])
 case("compare rules", fp.compare_rules, tank_problem(), tank_points()[:3])
 case("compare designs", fp.compare, tank_problem(), {"some": tank_points()[:4], "others": tank_points()[4:8]}, draws=50)
 case("feasibility", fp.feasibility, BELOW, tank_points(), draws=50)
@@ -163,20 +163,20 @@ for goal in GOALS:
     case(f"exchange, {goal.criterion}", fp.exchange, tank_problem(), 4, goal=goal, **SMALL)
 for kind, over in OVER.items():
     case(f"exchange over the prior, {kind}", fp.exchange, tank_problem(), 3, goal=fp.Goal(over=over), **SMALL)
-    case(f"approximate over the prior, {kind}", fp.approximate, tank_problem(), tank_points(), goal=fp.Goal(over=over))
+    case(f"approximate over the prior, {kind}", fp.approximate_design, tank_problem(), tank_points(), goal=fp.Goal(over=over))
 case("exchange, one point", fp.exchange, tank_problem(), 1, **SMALL)
 case("exchange, with the prior", fp.exchange, tank_problem(), 3, goal=fp.Goal(prior_information=True), **SMALL)
 case("exchange, confidence", fp.exchange, BELOW, 3, goal=fp.Goal(confidence=0.9), **SMALL)
 case("exchange, kept and previous", fp.exchange, tank_problem(), 5, keep=tank_points()[:2], previous=tank_points()[2:5], **SMALL)
 case("exchange, what is assumed", fp.exchange, ASSUMED, 4, **SMALL)
 case("sweep", fp.sweep, tank_problem(), (2, 3, 4), cost=fp.Cost(per_experiment=1.0, per_change={"u": 2.0}), **SMALL)
-case("approximate", fp.approximate, tank_problem(), tank_points())
-case("approximate, of ascents", fp.approximate, line(), n_candidates=50, starts=5, tolerance=1e-3)
-case("approximate, E", fp.approximate, tank_problem(), tank_points(), goal="E")
-case("exact", fp.exact, tank_problem(), tank_points(), 4)
+case("approximate", fp.approximate_design, tank_problem(), tank_points())
+case("approximate, of ascents", fp.approximate_design, line(), n_candidates=50, starts=5, tolerance=1e-3)
+case("approximate, E", fp.approximate_design, tank_problem(), tank_points(), goal="E")
+case("exact", fp.exact_design, tank_problem(), tank_points(), 4)
 case("design of runs", fp.design_runs, tank_runs(), 2, **DRAWN)
 case("design of runs within a limit", fp.design_runs, tank_runs(along=["a < 1.3"]), **DRAWN)
-case("best pieces", fp.best_pieces, tank_problem(), fp.pieces(record(), tanks(), length=5), 2)
+case("best pieces", fp.design_pieces, tank_problem(), fp.pieces(record(), tanks(), length=5), 2)
 
 # --- estimates ------------------------------------------------------------------------------------------------------------
 

@@ -112,7 +112,7 @@ def main(given: Sequence[str] | None = None) -> int:
         digests[name], begun, since = digest, clock(), begun
         print(f"{name}: {digest.get('error', f'{len(digest)} digests')}, {begun - since:.1f} s", flush=True)
     chosen.file.write_text(json.dumps(digests, indent=1))
-    print(f"{len(digests)} calls, instruction set {fp.isa()}")
+    print(f"{len(digests)} calls, instruction set {fp.instruction_set()}")
     if chosen.against is None:
         return int(any("error" in digest for digest in digests.values()))
     before = json.loads(chosen.against.read_text())

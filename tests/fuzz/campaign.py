@@ -175,7 +175,7 @@ def main(given: Sequence[str] | None = None) -> int:
     os.environ.setdefault("FISHERPOINT_CACHE", str(chosen.output.resolve() / "compiled"))
     campaign.run()
     campaign.weigh_chances()
-    print(f"\ninstruction set {fp.isa()} of {', '.join(fp.available_isas())}, seed {chosen.seed}\n")
+    print(f"\ninstruction set {fp.instruction_set()} of {', '.join(fp.instruction_sets())}, seed {chosen.seed}\n")
     print(campaign.figures.table())
     for kind, findings in sorted(campaign.figures.examples.items()):
         print(f"\n--- {kind}: the shortest example\n{findings[0].code}")

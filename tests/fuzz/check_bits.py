@@ -215,7 +215,7 @@ class Levels:
     """The other instruction sets of this machine, each a process that computes what it is told."""
 
     def __init__(self, levels: Sequence[str] | None = None) -> None:
-        levels = [level for level in fp.available_isas() if level != fp.isa()] if levels is None else levels
+        levels = [level for level in fp.instruction_sets() if level != fp.instruction_set()] if levels is None else levels
         worker = Path(__file__).with_name("isa_worker.py")
         path = os.pathsep.join([str(Path(fp.__file__).parent.parent), str(worker.parent)])
         self.workers = {

@@ -50,7 +50,7 @@ def check_covariance(bench: Bench, method: str | None = None) -> None:
             bench.report(
                 "not finite covariance", math.inf, k, call, f"given {one.covariance[0].tolist()}, {one.status[0]}", theta=False
             )
-        elif isinstance(rule, fp.Linearized):
+        elif isinstance(rule, fp.LinearizedRule):
             check_linearized(bench, k, prior, one, call)
         else:
             check_nodes(bench, k, prior, rule, one, method, call)
@@ -80,7 +80,7 @@ def deviations_room(bench: Bench, k: int, x: list[float]) -> Floats:
     """How far a point's deviations of the outputs (n_y,), by the prior from those of the mean, may be off at the tolerance."""
     case, u, p = bench.case, bench.points.u[k].tolist(), bench.case.mean.tolist()
     off, at = RTOL * case.sizes, np.array(x)
-    if not isinstance(case.rule_of(), fp.Linearized):
+    if not isinstance(case.rule_of(), fp.LinearizedRule):
         return 2 * output_room(bench.reading, at, u, p, off)  # of a node and of the mean
     done = fp.sensitivities(bench.model, bench.points[k], case.mean, rtol=RTOL, threads=1, jumps="exclude")
     largest = [largest_column(bench, k, j, 0.0, case.mean) for j in range(len(p))]

@@ -70,7 +70,9 @@ def _growth(bench: Bench, theta: Floats, t: Floats, u: Floats, x0: Floats, x: Fl
     return largest
 
 
-def record_by_scipy(bench: Bench, done: fp.RecordTrajectory, theta: Floats, t: Floats, u: Floats, x0: Floats, call: str) -> None:
+def record_by_scipy(
+    bench: Bench, done: fp.results.RecordTrajectory, theta: Floats, t: Floats, u: Floats, x0: Floats, call: str
+) -> None:
     x, sizes = x0, bench.case.sizes
     samples = [x0]
     for n in range(SAMPLES - 1):
@@ -96,7 +98,13 @@ def record_by_scipy(bench: Bench, done: fp.RecordTrajectory, theta: Floats, t: F
 
 
 def check_derivatives(
-    bench: Bench, done: fp.RecordTrajectory, tight: fp.RecordTrajectory, theta: Floats, t: Floats, u: Floats, call: str
+    bench: Bench,
+    done: fp.results.RecordTrajectory,
+    tight: fp.results.RecordTrajectory,
+    theta: Floats,
+    t: Floats,
+    u: Floats,
+    call: str,
 ) -> None:
     """dy/d(theta, start) along the record against differences of tight records."""
     x0 = done.x[0]

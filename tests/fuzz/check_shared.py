@@ -58,7 +58,7 @@ def check_shared(bench: Bench) -> None:
     if expected is None:
         bench.figures.count("shared: singular")
         return
-    given = fp.evaluate_design(problem, design, threads=1).covariance
+    given = fp.evaluate(problem, design, threads=1).covariance
     bench.figures.count("shared: designs compared")
     size = np.sqrt(np.diag(expected))
     error = float(np.max(np.abs(given - expected) / np.outer(size, size)))

@@ -67,7 +67,7 @@ def cylinders(draw: Callable[[Any], Any]) -> CylinderCase:
     constants = {name: value * draw(st.sampled_from((1.0, 0.7, 1.4))) for name, value in DEFAULTS.items()}
     share = draw(st.sampled_from((0.1, 0.02, 0.3)))
     levels = {name: 2 if name in ("a_tau", "B_v", "m_q") else 1 for name in PARAMETERS}
-    rules = (f"TensorGrid({levels})", "SparseGaussHermite(2)", "Unscented()", "Linearized()", "Sobol(64)")
+    rules = (f"TensorGrid({levels})", "SparseGaussHermite(2)", "Unscented()", "LinearizedRule()", "Sobol(64)")
     return CylinderCase(
         rates=RATES,
         outputs=("q", "p_A", "p_B", "x_v"),

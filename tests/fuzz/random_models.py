@@ -24,7 +24,7 @@ RULES = (
     "GaussHermite(3)",
     "Unscented()",
     "Sobol(64)",
-    "Linearized()",
+    "LinearizedRule()",
     "SparseGaussHermite(3)",
     "TensorGrid(2, span=1.0)",
     "TensorGrid(edges=[-2, -0.7, 0.4, 1, 3])",

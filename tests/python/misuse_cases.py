@@ -29,7 +29,7 @@ SWAPPED: dict[str, Callable[[], Any]] = {
     "rule and prior": lambda: fp.predictive_covariance(model(), points(), fp.Sobol(8), prior()),  # type: ignore[arg-type]
     "DesignProblem": lambda: fp.DesignProblem(prior(), model(), region()),  # type: ignore[arg-type]
     "region and prior": lambda: fp.DesignProblem(model(), region(), prior()),  # type: ignore[arg-type]
-    "evaluate_design": lambda: fp.evaluate_design(points(), problem()),  # type: ignore[arg-type]
+    "evaluate": lambda: fp.evaluate(points(), problem()),  # type: ignore[arg-type]
     "estimate": lambda: fp.estimate(data(), model()),  # type: ignore[arg-type]
     "estimate, prior second": lambda: fp.estimate(model(), prior(), data()),  # type: ignore[arg-type]
     "validate": lambda: fp.validate({"one": points()}, problem()),  # type: ignore[arg-type]

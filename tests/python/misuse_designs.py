@@ -66,8 +66,8 @@ def design_cases() -> dict[str, Case]:
             longest_step=(2.0, NUMBER, NONE),
         ),
         "pieces[]": case(lambda index: log_pieces()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
-        "best_pieces": case(
-            fp.best_pieces,
+        "design_pieces": case(
+            fp.design_pieces,
             problem=(problem(),),
             pieces=(log_pieces(),),
             n_pieces=(1, INT),
@@ -77,7 +77,7 @@ def design_cases() -> dict[str, Case]:
             progress=(None, NONE, FLAG, FUNCTION),
         ),
         "approximate": case(
-            fp.approximate,
+            fp.approximate_design,
             problem=(problem(),),
             candidates=(points(), POINTS, NONE),
             goal=("D",),
@@ -90,7 +90,7 @@ def design_cases() -> dict[str, Case]:
             progress=(None, NONE, FLAG, FUNCTION),
         ),
         "exact": case(
-            fp.exact,
+            fp.exact_design,
             problem=(problem(),),
             candidates=(points(), POINTS),
             n_experiments=(3, INT),
@@ -159,18 +159,11 @@ def design_cases() -> dict[str, Case]:
             parameters=(["k"], NONE, NAMES),
             rtol=rtol,
         ),
-        "evaluate_design": case(
-            fp.evaluate_design,
+        "evaluate": case(
+            fp.evaluate,
             problem=(problem(),),
             points=of_points,
-            threads=threads,
-            previous=(None, NONE, POINTS, ARRAY, NAMES),
-            prior_information=(False, FLAG),
-        ),
-        "evaluate_under_noise": case(
-            fp.evaluate_under_noise,
-            problem=(problem(),),
-            points=of_points,
+            output_covariance=(None, "noise", NONE, NAMES, ARRAY),
             threads=threads,
             previous=(None, NONE, POINTS, ARRAY, NAMES),
             prior_information=(False, FLAG),
@@ -225,7 +218,7 @@ def design_cases() -> dict[str, Case]:
             fp.compare_rules,
             problem=(problem(),),
             points=(points()[:1], POINTS),
-            rules=([fp.Linearized()], NONE, ARRAY, NAMES),
+            rules=([fp.LinearizedRule()], NONE, ARRAY, NAMES),
             threads=threads,
         ),
         "exchange": case(

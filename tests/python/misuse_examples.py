@@ -91,8 +91,8 @@ def campaign() -> fp.Campaign:
 
 
 @cache
-def comparison() -> fp.RuleComparison:
-    return fp.compare_rules(problem(), points()[0], [fp.Linearized()])
+def comparison() -> fp.results.RuleComparison:
+    return fp.compare_rules(problem(), points()[0], [fp.LinearizedRule()])
 
 
 def output(x: Any, u: Any, p: Any) -> Any:

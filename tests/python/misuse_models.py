@@ -70,12 +70,12 @@ def model_cases() -> dict[str, Case]:
         ),
         "model": case(
             lambda function, **given: fp.model(**given)(function),
-            function=(lambda x, u, p: ([-p.k * fp.sqrt(x.h) + p.a * u.u * p.d], [x.h]),),
+            function=(lambda x, u, p: ([-p.k * fp.math.sqrt(x.h) + p.a * u.u * p.d], [x.h]),),
             **quantities | {"name": ("tank", TEXT, NONE)},
         ),
         "load_problem": case(fp.load_problem, path=(files() / "problem.toml", TEXT, PATH)),
         "convert": case(
-            fp.convert,
+            fp.convert_unit,
             values=(1.0, NUMBER, INT, ARRAY, TERM),
             given=("mm", TEXT),
             wanted=("m", TEXT),
@@ -115,7 +115,7 @@ def model_cases() -> dict[str, Case]:
         "Rule.nodes of others": case(
             lambda prior: [
                 rule.nodes(prior)
-                for rule in (fp.GaussHermite(2), fp.SparseGaussHermite(1), fp.Unscented(), fp.Linearized(), fp.TensorGrid())
+                for rule in (fp.GaussHermite(2), fp.SparseGaussHermite(1), fp.Unscented(), fp.LinearizedRule(), fp.TensorGrid())
             ],
             prior=(prior(), PRIOR),
         ),
@@ -128,13 +128,13 @@ def model_cases() -> dict[str, Case]:
             for name in ("min", "max", "atan2")
         },
         "latch()": case(
-            lambda on, off, start: fp.latch(on, off, start),
+            lambda on, off, start: fp.math.latch(on, off, start),
             on=(sympy.Symbol("T") < 20,),
             off=(sympy.Symbol("T") > 22,),
             start=(0, FLAG),
         ),
         "where()": case(
-            lambda condition, a, b: fp.where(condition, a, b),
+            lambda condition, a, b: fp.math.where(condition, a, b),
             condition=(sympy.Symbol("x") > 0, FLAG),
             a=(0.5, NUMBER, TERM),
             b=(1.0, NUMBER, TERM),

@@ -64,7 +64,7 @@ def problem() -> fp.DesignProblem:
     model = fp.HydraulicCylinder()
     prior = fp.GaussianPrior(mean=model.nominal, relative_std=STD)
     noise = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
-    return fp.DesignProblem(model, prior, fp.ExperimentRegion(BOUNDS), noise_std=noise, rule=fp.Linearized())
+    return fp.DesignProblem(model, prior, fp.ExperimentRegion(BOUNDS), noise_std=noise, rule=fp.LinearizedRule())
 
 
 @cache

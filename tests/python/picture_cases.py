@@ -110,7 +110,7 @@ def of_points(kind: Callable[..., Figure]) -> Callable[[], Figure]:
 
 def of_runs(kind: str, runs: Callable[[], fp.Runs] = runs) -> Callable[[], Figure]:
     without_region = problem().replace(region=None)
-    return lambda: plots_of(without_region, runs(), fp.evaluate_design(without_region, runs()))[kind]()
+    return lambda: plots_of(without_region, runs(), fp.evaluate(without_region, runs()))[kind]()
 
 
 def responses() -> Figure:

@@ -24,8 +24,10 @@ U = np.where(np.arange(60) // 12 % 2, 0.3, 6.0) * RNG.uniform(0.5, 1.0, 60)
 )
 def tanks(x: Any, u: Any, p: Any) -> Any:
     """Two tanks in a column, the upper one flows over."""
-    over = fp.max(x.h1 - p.rim, 0)
-    return [-p.k1 * fp.sqrt(x.h1) + p.k4 * u.u - over, p.k2 * fp.sqrt(x.h1) - p.k3 * fp.sqrt(x.h2) + p.k5 * over], [fp.min(x.h2, 1)]
+    over = fp.math.max(x.h1 - p.rim, 0)
+    return [-p.k1 * fp.math.sqrt(x.h1) + p.k4 * u.u - over, p.k2 * fp.math.sqrt(x.h1) - p.k3 * fp.math.sqrt(x.h2) + p.k5 * over], [
+        fp.math.min(x.h2, 1)
+    ]
 
 
 @fp.model(
@@ -37,14 +39,14 @@ def tanks(x: Any, u: Any, p: Any) -> Any:
 )
 def motor(x: Any, u: Any, p: Any) -> Any:
     """A direct current motor with smooth friction."""
-    torque = p.K * x.i - 0.01 * p.friction * fp.tanh(x.omega)
+    torque = p.K * x.i - 0.01 * p.friction * fp.math.tanh(x.omega)
     return [(u.u - p.R * x.i - p.K * x.omega) / p.L, torque / p.J], [x.i, x.omega]
 
 
 @fp.model(states={"s": "1"}, inputs={"u": "1"}, parameters={"T": "s", "a": "1"}, outputs={"flow": "1"})
 def valve(x: Any, u: Any, p: Any) -> Any:
     """A valve that closes faster than it opens: a kink where it rests."""
-    return [(u.u - x.s - p.a * fp.max(x.s, 0)) / p.T], [x.s + p.a * x.s * u.u]
+    return [(u.u - x.s - p.a * fp.math.max(x.s, 0)) / p.T], [x.s + p.a * x.s * u.u]
 
 
 def piecewise(model: fp.Model, theta: Any, t: Floats, u: Floats, x0: Any) -> Floats:

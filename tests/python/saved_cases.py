@@ -62,7 +62,7 @@ def saved_cases() -> dict[str, Saved]:
     assumed = problem(uncertain={"c": 0.1}, initial_state_std={"a": 0.01}, along=["a >= 0"])
     design = fp.exchange(one, n_experiments=4, **small, method=fp.ExchangeMethod(references=True))
     over = fp.exchange(
-        problem(rule=fp.Linearized()), n_experiments=3, goal=fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(4))), **small
+        problem(rule=fp.LinearizedRule()), n_experiments=3, goal=fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(4))), **small
     )
     points = design.points
     singular = fp.exchange(problem(noise_std={"y": 0.01, "z": 1e9}), n_experiments=1, **small)
@@ -77,7 +77,7 @@ def saved_cases() -> dict[str, Saved]:
     record = fp.Record(t, np.append(u[0], 0.3)[:, None], np.vstack([[1.0, 0.7], long.y[0]])[:, ::-1], x0={"a": 1.0, "b": 0.7})
 
     candidates = one.region.draw(one.model, 8, seed=0)
-    pieces = fp.best_pieces(problem(), fp.pieces(record, one.model, length=5), 2)
+    pieces = fp.design_pieces(problem(), fp.pieces(record, one.model, length=5), 2)
 
     def campaign(of: fp.DesignProblem, directory: Path) -> None:
         ours = fp.Campaign(
@@ -119,11 +119,11 @@ def saved_cases() -> dict[str, Saved]:
         "pieces": file(pieces),
         "runs": Saved(runs, runs.save, fp.RunDesign.load, "design.json"),
         "sweep": file(fp.sweep(one, (2, 3), cost=fp.Cost(per_experiment=1.0, per_change={"u": 2.0}), **small)),
-        "approximate": file(fp.approximate(one, candidates)),
+        "approximate": file(fp.approximate_design(one, candidates)),
         "approximate over the prior": file(
-            fp.approximate(one, candidates, goal=fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(4))))
+            fp.approximate_design(one, candidates, goal=fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(4))))
         ),
-        "exact": file(fp.exact(one, candidates, 3)),
+        "exact": file(fp.exact_design(one, candidates, 3)),
         "comparison": file(fp.compare(one, {"points": design, "other": points}, draws=20)),
         "rules": file(fp.compare_rules(one, points[:2], rules=[fp.GaussHermite(2), fp.TensorGrid(2)])),
         "evaluation": file(design.evaluation),

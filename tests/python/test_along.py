@@ -150,12 +150,12 @@ def test_designs_keep_the_limits_at_the_prior_mean() -> None:
     said = re.escape(f"given {', '.join(told)}")
     runs = fp.Runs([[0.0], [-0.1], [1.0], [-1.0]], [[1.0, -1.0]] * 3 + [[1.0, -3.0]], 1.0)
     with pytest.raises(ValueError, match=said):
-        fp.evaluate_design(problem, runs)
+        fp.evaluate(problem, runs)
     with pytest.raises(ValueError, match=r"points: .* given points\[0\] \(left_domain: x < 0.95\)\. The state reached a limit"):
-        fp.evaluate_design(problem, fp.Experiments([[0.0]], [1.0], [1.0]))
-    fp.evaluate_design(problem, runs[1])
+        fp.evaluate(problem, fp.Experiments([[0.0]], [1.0], [1.0]))
+    fp.evaluate(problem, runs[1])
     past = fp.Runs([[0.0]], [[1.0, -1.0]], 1.0)
-    assert fp.evaluate_design(problem, runs[1], previous=past).n_points == 4, "what was measured was possible"
+    assert fp.evaluate(problem, runs[1], previous=past).n_points == 4, "what was measured was possible"
     for copy in (decoded(encoded(problem), fp.DesignProblem), pickle.loads(pickle.dumps(problem)), problem.replace(rtol=1e-7)):
         assert copy.along == ("x < 0.95", "u > -2") and copy.limited == problem.limited
     assert problem.model.along == () and problem.replace(along=None).limited is problem.model
@@ -262,7 +262,7 @@ def test_the_result_depends_on_the_seed_alone_and_is_kept(tmp_path: Path) -> Non
     )
     assert one.failures == two.failures and one.reasons == two.reasons and one.failures != other.failures
     one.save(tmp_path / "feasibility.json")
-    again = fp.Feasibility.load(tmp_path / "feasibility.json")
+    again = fp.results.Feasibility.load(tmp_path / "feasibility.json")
     assert again.reasons == one.reasons and again.failures == one.failures and str(again) == str(one)
     one.print()
 

@@ -18,7 +18,7 @@ def algebraic(
     model = fp.SymbolicModel([], [output], {}, dict.fromkeys(bounds, "1"), dict.fromkeys(mean, "1"), {"y": "1"})
     prior = fp.GaussianPrior(mean, dict.fromkeys(mean, 1.0))
     region = fp.ExperimentRegion(bounds)
-    return fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}, rule=fp.Linearized(), **options)
+    return fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}, rule=fp.LinearizedRule(), **options)
 
 
 COMPARTMENT = algebraic("c*(exp(-a*t) - exp(-b*t))", {"a": 0.05884, "b": 4.298, "c": 21.80}, {"t": (0, 48)})
@@ -54,7 +54,7 @@ KNOWN = {  # support, weights and log det of the literature, each solved again w
 @pytest.mark.parametrize("name", KNOWN)
 def test_known_d_optimal_designs_are_found(name: str) -> None:
     problem, support, weights, log_det = KNOWN[name]
-    design = fp.approximate(problem, n_candidates=1000)
+    design = fp.approximate_design(problem, n_candidates=1000)
     order = np.argsort(design.points.u[:, 0])
     np.testing.assert_allclose(design.points.u[order, 0], support, atol=1e-3)
     np.testing.assert_allclose(design.weights[order], weights, atol=1e-3)
@@ -66,7 +66,7 @@ def test_known_d_optimal_designs_are_found(name: str) -> None:
 
 def test_the_exponential_decay_is_measured_at_once_and_after_a_time_constant() -> None:
     problem = algebraic("A*exp(-k*t)", {"A": 1.0, "k": 1.0}, {"t": (0, 5)})
-    design = fp.approximate(problem, n_candidates=500)
+    design = fp.approximate_design(problem, n_candidates=500)
     np.testing.assert_allclose(np.sort(design.points.u[:, 0]), [0, 1], atol=1e-3)
     np.testing.assert_allclose(design.weights, 0.5, atol=1e-3)
     assert design.value == pytest.approx(-3.386294, abs=1e-5)
@@ -83,7 +83,7 @@ def test_the_exponential_decay_is_measured_at_once_and_after_a_time_constant() -
 def test_known_c_optimal_designs_are_found(of: str, support: Sequence[float], weights: Sequence[float], variance: float) -> None:
     """At the second times that Atkinson et al. (1993) print, 17.6322 and 3.5671, two points do not quite determine the function."""
     for seed in (0, 1):
-        design = fp.approximate(COMPARTMENT, goal=fp.Goal("c", of=of), n_candidates=1000, seed=seed)
+        design = fp.approximate_design(COMPARTMENT, goal=fp.Goal("c", of=of), n_candidates=1000, seed=seed)
         order = np.argsort(design.points.u[:, 0])
         np.testing.assert_allclose(design.points.u[order, 0], support, atol=1e-3)
         np.testing.assert_allclose(design.weights[order], weights, atol=1e-3)
@@ -97,7 +97,7 @@ def test_known_c_optimal_designs_are_found(of: str, support: Sequence[float], we
 
 
 def test_the_quadratic_on_its_grid_and_on_the_square() -> None:
-    for design in (fp.approximate(QUADRATIC, inputs(GRID)), fp.approximate(QUADRATIC, n_candidates=1000)):
+    for design in (fp.approximate_design(QUADRATIC, inputs(GRID)), fp.approximate_design(QUADRATIC, n_candidates=1000)):
         kind = (np.abs(design.points.u) > 0.5).sum(axis=1)
         for zeros, weight in ((2, 0.14579), (1, 0.08016), (0, 0.09619)):
             np.testing.assert_allclose(design.weights[kind == zeros], weight, atol=1e-3)
@@ -109,8 +109,8 @@ def test_the_linear_state_space_model() -> None:
     model = fp.SymbolicModel(["-a*x + b*u"], ["x"], {"x": "1"}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"})
     region = fp.ExperimentRegion({"x": (-1, 1), "u": (-1, 1), "dt": (1e-3, 5)})
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, {"a": 1.0, "b": 1.0})
-    problem = fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}, rule=fp.Linearized(), rtol=1e-9)
-    design = fp.approximate(problem, n_candidates=1000)
+    problem = fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}, rule=fp.LinearizedRule(), rtol=1e-9)
+    design = fp.approximate_design(problem, n_candidates=1000)
     assert design.value == pytest.approx(-2.013521, abs=1e-5)
     signs = design.points.x0[:, 0] * design.points.u[:, 0]
     assert design.weights[signs < 0].sum() == pytest.approx(0.5, abs=1e-3)
@@ -119,7 +119,7 @@ def test_the_linear_state_space_model() -> None:
 
 
 def test_exact_designs_are_bounded_and_rounded_ones_come_near() -> None:
-    design = fp.approximate(QUADRATIC, inputs(GRID))
+    design = fp.approximate_design(QUADRATIC, inputs(GRID))
     # The best exact designs of n points by enumeration of all designs, and by the reference's D-efficiency
     for n, efficiency in ((6, 0.8849), (7, 0.9454), (8, 0.9572)):
         picked = _enumerated(n)
@@ -148,27 +148,29 @@ def _enumerated(n: int) -> fp.Experiments:
     "goal", ["A", "E", fp.Goal("Ds", of=("p3", "p4")), fp.Goal("I", of="y", conditions=inputs([(0.5, 0.5), (-0.5, 1.0)]))]
 )
 def test_other_criteria_have_certificates(goal: str | fp.Goal) -> None:
-    design = fp.approximate(QUADRATIC, inputs(GRID), goal=goal)
+    design = fp.approximate_design(QUADRATIC, inputs(GRID), goal=goal)
     assert 0.9999 < design.efficiency <= 1
     every = design.sensitivity(inputs(GRID))
     assert every.max() <= design.level * (1 + 1e-4)
     one = fp.criterion(QUADRATIC, goal)
     assert one.value(design.information) == pytest.approx(design.value)
-    others = fp.approximate(QUADRATIC, inputs(GRID))
+    others = fp.approximate_design(QUADRATIC, inputs(GRID))
     assert one.efficiency(others.information, design.information) <= 1 + 1e-4
 
 
 def test_the_prior_counts_more_where_less_is_measured() -> None:
     problem = QUADRATIC.replace(noise_std={"y": 3.0})
-    few, many = (fp.approximate(problem, inputs(GRID), goal=fp.Goal(prior_information=True), n_experiments=n) for n in (2, 10**6))
-    without = fp.approximate(problem, inputs(GRID))
+    few, many = (
+        fp.approximate_design(problem, inputs(GRID), goal=fp.Goal(prior_information=True), n_experiments=n) for n in (2, 10**6)
+    )
+    without = fp.approximate_design(problem, inputs(GRID))
     np.testing.assert_allclose(np.sort(many.weights), np.sort(without.weights), atol=1e-3)
     assert few.efficiency > 1 - 1e-5
     assert len(few.points) < 9
     constant = few.information - _mean_information(few)
     np.testing.assert_allclose(constant, np.eye(6) / 2, atol=1e-12)
     with pytest.raises(ValueError, match=r"^n_experiments: expected how many"):
-        fp.approximate(problem, inputs(GRID), goal=fp.Goal(prior_information=True))
+        fp.approximate_design(problem, inputs(GRID), goal=fp.Goal(prior_information=True))
 
 
 def _mean_information(design: fp.ApproximateDesign) -> Any:
@@ -178,44 +180,44 @@ def _mean_information(design: fp.ApproximateDesign) -> Any:
 
 def test_what_cannot_be_estimated_is_named() -> None:
     twice = algebraic("a*b*s/(K + s)", {"a": 1.0, "b": 2.0, "K": 1.0}, {"s": (0, 5)})
-    design = fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)))
+    design = fp.approximate_design(twice, inputs(np.linspace(0.1, 5, 50)))
     (null,) = design.null_directions
     assert null["a"] * 2.0 + null["b"] * 1.0 == pytest.approx(0, abs=1e-6) and "K" not in null
     assert "undetermined" in str(design) and len(design.points) == 2
-    assert fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)), goal=fp.Goal("c", of="a*b")).efficiency > 0.999
+    assert fp.approximate_design(twice, inputs(np.linspace(0.1, 5, 50)), goal=fp.Goal("c", of="a*b")).efficiency > 0.999
     with pytest.raises(ValueError, match=r"^candidates: expected some that determine criterion"):
-        fp.approximate(twice, inputs(np.linspace(0.1, 5, 50)), goal=fp.Goal("c", of="a"))
-    one = fp.approximate(MICHAELIS, inputs([1.0]))
+        fp.approximate_design(twice, inputs(np.linspace(0.1, 5, 50)), goal=fp.Goal("c", of="a"))
+    one = fp.approximate_design(MICHAELIS, inputs([1.0]))
     assert len(one.null_directions) == 1 and one.weights == pytest.approx([1.0])
 
 
 def test_constraints_hold_and_the_support_lies_on_them() -> None:
     region = fp.ExperimentRegion({"s": (0, 5)}, ["s < 3"])
-    design = fp.approximate(MICHAELIS.replace(region=region), n_candidates=500, starts=100)
+    design = fp.approximate_design(MICHAELIS.replace(region=region), n_candidates=500, starts=100)
     assert design.points.u.max() < 3 and design.points.u.max() > 2.98
 
 
 def test_misuse_is_told() -> None:
     grid = inputs([0.5, 1.0, 5.0])
     with pytest.raises(ValueError, match=r"^goal: expected one without criterion 'ME' for fisherpoint\.approximate"):
-        fp.approximate(MICHAELIS, grid, goal="ME")
+        fp.approximate_design(MICHAELIS, grid, goal="ME")
     with pytest.raises(ValueError, match=r"^output_covariance: expected 'noise'"):
-        fp.approximate(MICHAELIS.replace(output_covariance="pooled"), grid)
+        fp.approximate_design(MICHAELIS.replace(output_covariance="pooled"), grid)
     with pytest.raises(ValueError, match=r"^of: expected names of parameters"):
-        fp.approximate(MICHAELIS, grid, goal="Ds")
+        fp.approximate_design(MICHAELIS, grid, goal="Ds")
     with pytest.raises(ValueError, match=r"^scale: expected none for criterion 'D'"):
-        fp.approximate(MICHAELIS, grid, goal=fp.Goal(scale={"V": 1.0, "K": 1.0}))
+        fp.approximate_design(MICHAELIS, grid, goal=fp.Goal(scale={"V": 1.0, "K": 1.0}))
     with pytest.raises(ValueError, match=r"^region: expected an ExperimentRegion for points, given"):
-        fp.approximate(MICHAELIS.replace(region=None))
+        fp.approximate_design(MICHAELIS.replace(region=None))
 
 
 def test_the_words_say_what_is_proven() -> None:
-    text = str(fp.approximate(MICHAELIS, n_candidates=300, starts=50))
+    text = str(fp.approximate_design(MICHAELIS, n_candidates=300, starts=50))
     assert "at least" in text and "not covered" in text and "optimum found" not in text
 
 
 def test_a_proof_that_falls_short_says_why() -> None:
-    design = fp.approximate(MICHAELIS, n_candidates=50, starts=20)
+    design = fp.approximate_design(MICHAELIS, n_candidates=50, starts=20)
     short = replace(design, efficiency=0.8, largest=1.25)
     assert "at least 80 % only: the search ended while it still found places" in " ".join(str(short).split())
     assert "at least 80 % only: double precision has no more here" in " ".join(str(replace(short, starts=0)).split())
@@ -223,7 +225,7 @@ def test_a_proof_that_falls_short_says_why() -> None:
 
 
 def test_a_design_that_refutes_the_bound_is_warned_of() -> None:
-    inner = fp.approximate(QUADRATIC, inputs(GRID / 2))
+    inner = fp.approximate_design(QUADRATIC, inputs(GRID / 2))
     with pytest.warns(UserWarning, match="points: expected a design that the bound holds for, given a better one"):
         assert inner.efficiency_of(inputs(GRID)) == 1.0
     assert inner.efficiency_of(inputs(GRID / 2)) < 1.0

@@ -164,7 +164,7 @@ def test_no_exact_design_is_better_and_the_proofs_agree(kind: str) -> None:
     """The bound of an exact design comes from another algorithm, the multiplicative one."""
     over = fp.OverPrior(kind, scenarios=[{}, {"K": 0.04}, {"K": 0.2}, {"V": 400.0}], share=0.5)
     for goal in (fp.Goal(over=over), fp.Goal("c", of="V / K", over=over))[: 1 + (kind == "log")]:
-        design = fp.approximate(PROBLEM, goal=goal, n_candidates=300, starts=100)
+        design = fp.approximate_design(PROBLEM, goal=goal, n_candidates=300, starts=100)
         exact = fp.exchange(PROBLEM, 10, goal=goal, n_candidates=20)
         assert design.efficiency > 1 - 1e-5 and design.starts >= 100
         assert 0.98 < design.efficiency_of(exact) <= 1.0
@@ -178,32 +178,36 @@ def test_no_exact_design_is_better_and_the_proofs_agree(kind: str) -> None:
 def test_the_certificate_fails_where_weights_are_not_the_best() -> None:
     """The sensitivity function of the design for the mean exceeds its level over the scenarios."""
     over = fp.OverPrior("log", scenarios=[{"K": 0.02}, {"K": 0.3}])
-    mean, robust = fp.approximate(PROBLEM, GRID), fp.approximate(PROBLEM, GRID, goal=fp.Goal(over=over))
+    mean, robust = fp.approximate_design(PROBLEM, GRID), fp.approximate_design(PROBLEM, GRID, goal=fp.Goal(over=over))
     exact = mean.rounded(2)
     assert robust.efficiency_of(exact) < 0.95
-    assert fp.approximate(PROBLEM, exact, goal=fp.Goal(over=over)).sensitivity(GRID).max() > 2 * 1.1
+    assert fp.approximate_design(PROBLEM, exact, goal=fp.Goal(over=over)).sensitivity(GRID).max() > 2 * 1.1
     assert robust.sensitivity(GRID).max() <= 2 * (1 + 1e-5)
 
 
 def test_one_scenario_at_the_mean_is_the_design_without() -> None:
-    one, usual = (fp.approximate(PROBLEM, GRID, goal=fp.Goal(over=over)) for over in (fp.OverPrior("worst", scenarios=[{}]), None))
+    one, usual = (
+        fp.approximate_design(PROBLEM, GRID, goal=fp.Goal(over=over)) for over in (fp.OverPrior("worst", scenarios=[{}]), None)
+    )
     assert one.value == pytest.approx(usual.value, abs=1e-6)
     assert np.array_equal(one.points.u, usual.points.u) and one.weights == pytest.approx(usual.weights, abs=1e-4)
 
 
 def test_the_prior_counts_in_every_scenario() -> None:
     over = fp.OverPrior("log", scenarios=[{}, {"K": 0.2}])
-    design = fp.approximate(PROBLEM, GRID[:3], goal=fp.Goal(over=over, prior_information=True), n_experiments=2)
+    design = fp.approximate_design(PROBLEM, GRID[:3], goal=fp.Goal(over=over, prior_information=True), n_experiments=2)
     for matrix, changed in zip(design.information, ({}, {"K": 0.2}), strict=True):
         there = PROBLEM.replace(prior=fp.GaussianPrior(dict(PROBLEM.prior.mean) | changed, dict(PROBLEM.prior.std)))
-        each = [fp.evaluate_design(there, design.points[[k]]).information for k in range(len(design.points))]
+        each = [fp.evaluate(there, design.points[[k]]).information for k in range(len(design.points))]
         assert matrix == pytest.approx(np.tensordot(design.weights, each, axes=1) + np.eye(2) / 2, rel=1e-9)
     own = [np.linalg.slogdet(matrix)[1] for matrix in design.information]
     assert design.value == pytest.approx(np.mean(own)) and design.scenario_values == pytest.approx(own)
 
 
 def test_files_and_reports(tmp_path: Path) -> None:
-    design = fp.approximate(PROBLEM, GRID, goal=fp.Goal("A", over=fp.OverPrior("cvar", scenarios=[{}, {"K": 0.2}], share=0.5)))
+    design = fp.approximate_design(
+        PROBLEM, GRID, goal=fp.Goal("A", over=fp.OverPrior("cvar", scenarios=[{}, {"K": 0.2}], share=0.5))
+    )
     design.save(tmp_path / "design.json")
     loaded = fp.ApproximateDesign.load(tmp_path / "design.json")
     assert loaded.goal == design.goal and loaded.scenario_values == design.scenario_values
@@ -214,14 +218,17 @@ def test_files_and_reports(tmp_path: Path) -> None:
 
 def test_mistakes() -> None:
     for goal, expected in (
-        (fp.Goal("E", over=fp.OverPrior("log")), "goal: expected one without criterion 'E' with over for fisherpoint.approximate"),
+        (
+            fp.Goal("E", over=fp.OverPrior("log")),
+            "goal: expected one without criterion 'E' with over for fisherpoint.approximate_design",
+        ),
         (
             fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(256))),
             "over: expected at most 160 scenarios of 2 .*, given 256",
         ),
     ):
         with pytest.raises(ValueError, match=expected):
-            fp.approximate(PROBLEM, GRID, goal=goal)
+            fp.approximate_design(PROBLEM, GRID, goal=goal)
 
 
 def test_blocks_are_joined() -> None:

@@ -87,8 +87,8 @@ def test_tangents_of_the_cylinder_are_those_of_other_cylinders_and_starts(chosen
     nominal={"k1": 0.5, "k2": 0.4, "k3": 0.3},
 )
 def tanks(x: Any, u: Any, p: Any) -> Any:
-    flow = p.k1 * fp.sqrt(x.h1)
-    rates = [(p.gain * u.u - flow) / p.area, (p.k2 * fp.sqrt(x.h1) - p.k3 * fp.sqrt(x.h2)) / p.area]
+    flow = p.k1 * fp.math.sqrt(x.h1)
+    rates = [(p.gain * u.u - flow) / p.area, (p.k2 * fp.math.sqrt(x.h1) - p.k3 * fp.math.sqrt(x.h2)) / p.area]
     return rates, [x.h2, x.h1 * x.h1 + p.gain * x.h2]
 
 
@@ -152,7 +152,7 @@ def expected_d(given: fp.DesignProblem, points: fp.Experiments) -> Floats:
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_point_is_weighed_with_its_own_covariance(kind: str) -> None:
     given = problem(output_covariance=kind, varies=UNCERTAIN, initial_state_std=STARTS)
-    evaluation = fp.evaluate_design(given, POINTS)
+    evaluation = fp.evaluate(given, POINTS)
     d = expected_d(given, POINTS)
     size = np.sqrt(np.diagonal(d, axis1=1, axis2=2).max(axis=0))
     actual = np.broadcast_to(evaluation.output_covariance, d.shape)
@@ -165,7 +165,7 @@ def test_each_point_is_weighed_with_its_own_covariance(kind: str) -> None:
 
 
 def test_what_is_uncertain_makes_no_point_better() -> None:
-    exact, uncertain = (fp.evaluate_design(problem(varies=of), POINTS) for of in (None, UNCERTAIN))
+    exact, uncertain = (fp.evaluate(problem(varies=of), POINTS) for of in (None, UNCERTAIN))
     assert exact.standard_errors is not None and uncertain.standard_errors is not None
     assert all(uncertain.standard_errors[name] > exact.standard_errors[name] for name in NAMES)
 
@@ -178,7 +178,7 @@ def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
         for of in (exact, stated)
     )
     log_dets = {
-        name: [fp.evaluate_design(of, points).log_det for of in (exact, stated)]
+        name: [fp.evaluate(of, points).log_det for of in (exact, stated)]
         for name, points in {"blind": blind, "aware": aware}.items()
     }
     lost = {name: (known - uncertain) / 9 for name, (known, uncertain) in log_dets.items()}  # log of squared standard errors
@@ -199,8 +199,8 @@ def test_nothing_uncertain_is_the_same_to_the_last_bit(kind: str) -> None:
 
 def test_a_parameter_that_is_not_estimated_may_be_uncertain() -> None:
     chosen = [name for name in NAMES if name != "c_L"]
-    known = fp.evaluate_design(problem(parameters=chosen), POINTS)
-    uncertain = fp.evaluate_design(problem(parameters=chosen, varies={"c_L": PRIOR.std["c_L"]}), POINTS)
+    known = fp.evaluate(problem(parameters=chosen), POINTS)
+    uncertain = fp.evaluate(problem(parameters=chosen, varies={"c_L": PRIOR.std["c_L"]}), POINTS)
     s = fp.sensitivities(MODEL, POINTS, THETA).dy_dtheta
     g = s[:, :, [NAMES.index("c_L")]] * PRIOR.std["c_L"]
     r = np.diag(np.square(list(NOISE.values())))
@@ -213,17 +213,17 @@ def test_the_predictive_form_is_16_over_what_is_uncertain() -> None:
     given = problem(varies={"T_1": 6e-4}, assumed_covariance="predictive", rule=rule, jumps="exclude")
     points = POINTS[[k for k in range(12) if k != 9]]  # which meets the jump at one of the three values of T_1
     with pytest.raises(ValueError, match=r"points\[9\] \(met_jump\)"):
-        fp.evaluate_design(given, POINTS)
+        fp.evaluate(given, POINTS)
     values, weights = rule.nodes(fp.GaussianPrior({"T_1": MODEL.constants["T_1"]}, std={"T_1": 6e-4}))
     y = [fp.simulate(fp.HydraulicCylinder(T_1=value), points, THETA).y for value in values[:, 0]]
     off = np.array(y) - fp.simulate(MODEL, points, THETA).y
     expected = np.einsum("r,rki,rkj->kij", weights / weights.sum(), off, off)
-    actual = fp.evaluate_design(given, points).output_covariance - np.diag(np.square(list(NOISE.values())))
+    actual = fp.evaluate(given, points).output_covariance - np.diag(np.square(list(NOISE.values())))
     close(actual, expected, 1e-4)
     tangents = assumed_covariance(MODEL, points, THETA, varies={"T_1": 6e-4}).covariance
     with pytest.raises(AssertionError):  # T_1 is far enough from linear here
         close(tangents, expected, 1e-2)
-    linear = fp.evaluate_design(given.replace(rule=fp.Linearized()), points).output_covariance
+    linear = fp.evaluate(given.replace(rule=fp.LinearizedRule()), points).output_covariance
     close(linear - np.diag(np.square(list(NOISE.values()))), tangents, 1e-6)
 
 
@@ -248,7 +248,7 @@ def test_both_forms_agree_where_deviations_are_small() -> None:
     small: dict[str, Any] = {"varies": {"T_1": 2e-6, "c_L": 2e-12}, "initial_state_std": {"q": 1e-6, "v": 1e-5, "p_A": 100.0}}
     tangents = problem(parameters=chosen, rule=fp.SparseGaussHermite(2), **small)
     shares = [
-        fp.evaluate_design(given, POINTS).output_covariance - given.noise_covariance
+        fp.evaluate(given, POINTS).output_covariance - given.noise_covariance
         for given in (tangents, tangents.replace(assumed_covariance="predictive", rtol=1e-10))
     ]
     close(shares[1], shares[0], 1e-3)
@@ -293,7 +293,7 @@ def test_candidates_near_a_jump_are_rejected_and_counted() -> None:
     assert design.drawn == design.accepted + sum(design.rejected.values())
     assert "starts near v = 0" not in fp.exchange(problem(varies=UNCERTAIN), **QUICK).rejected
     # What was measured there counts all the same.
-    assert np.isfinite(fp.evaluate_design(given, POINTS).log_det)
+    assert np.isfinite(fp.evaluate(given, POINTS).log_det)
 
 
 # --- misuse --------------------------------------------------------------------------------------------------------------

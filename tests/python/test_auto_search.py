@@ -202,7 +202,7 @@ def test_the_best_never_gets_worse_and_is_what_it_says(kind: str) -> None:
     assert all(b >= a for a, b in itertools.pairwise(log_dets)) and log_dets[-1] > log_dets[0]
     for before, record in itertools.pairwise(design.trace):
         assert record.exchanged == (record.log_det != before.log_det)
-    assert fp.evaluate_design(given, design.points).log_det == pytest.approx(log_dets[-1], abs=1e-9)
+    assert fp.evaluate(given, design.points).log_det == pytest.approx(log_dets[-1], abs=1e-9)
     assert design.drawn == design.accepted + sum(design.rejected.values())
 
 
@@ -268,7 +268,7 @@ def test_an_ascent_moves_points_and_keeps_them_valid() -> None:
     given = problem(region=fp.ExperimentRegion(REGION, constraints=["p_A + p_B < 1.5e7"]))
     search = AutoSearch(given, ExchangeSettings(**SETTINGS), 1)
     points = search._ascended(search.best.information).experiments
-    assert fp.evaluate_design(given, points).log_det > search.best.log_det + 1
+    assert fp.evaluate(given, points).log_det > search.best.log_det + 1
     assert np.all(points.x0[:, 2] + points.x0[:, 3] < 1.5e7)
     assert not fp.predictive_covariance(MODEL, points, given.prior, given.rule).status.any()
 
@@ -284,7 +284,7 @@ def test_previous_points_are_counted() -> None:
     )
     assert design.points.dt[0] == pytest.approx(10.0, abs=1e-6) and design.n_previous == 6
     beside = fp.Experiments.join([previous, design.points])
-    assert design.evaluation.log_det == pytest.approx(fp.evaluate_design(given, beside).log_det, abs=1e-9)
+    assert design.evaluation.log_det == pytest.approx(fp.evaluate(given, beside).log_det, abs=1e-9)
 
 
 def test_a_singular_design_determines_what_it_can() -> None:

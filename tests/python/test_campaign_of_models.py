@@ -195,7 +195,7 @@ def test_outputs_of_terms_that_cancel_differ_by_their_rounding() -> None:
         assert [finding.kind for finding in bench.findings] == known
 
 
-@pytest.mark.parametrize("rule", ["Unscented()", "Linearized()"])
+@pytest.mark.parametrize("rule", ["Unscented()", "LinearizedRule()"])
 def test_covariances_of_deviations_below_the_tolerance_are_good_to_them(rule: str) -> None:
     """A logistic growth that has all but ended; its deviations are 1e-8 of its size."""
     case = At(("p1*x1*(1 - x1)",), ("x1",), (1.0,), (), (2.0,), rule=rule, given=(([[1.2]], [[]], [10.0]), [[2.0]]))
@@ -388,7 +388,7 @@ def test_random_models(number: int) -> None:
     assert done.figures.counts["cases"] == CASES
 
 
-@pytest.mark.skipif(len(fp.available_isas()) < 2, reason="one instruction set is installed")
+@pytest.mark.skipif(len(fp.instruction_sets()) < 2, reason="one instruction set is installed")
 @pytest.mark.skipif("FISHERPOINT_ISA" in os.environ, reason="the best instruction set is compared with the others")
 def test_random_models_on_the_other_instruction_sets() -> None:
     levels = Levels()

@@ -88,7 +88,7 @@ def test_the_efficiency_of_a_bad_exact_design_is_what_it_is() -> None:
     seen.add(information(given, *np.linspace(-1, 1, 41)))
     for a in (0.3, 0.6, 0.9):
         found = seen.bound(information(given, -a, 0.0, a), None)
-        value = fp.evaluate_design(given, at(-a, 0.0, a)).log_det
+        value = fp.evaluate(given, at(-a, 0.0, a)).log_det
         assert found is not None and np.exp((value - found.log_det) / 3) == pytest.approx(a**2, rel=2e-3)
 
 
@@ -98,13 +98,13 @@ def test_the_certificate_of_a_region_fails_where_the_support_is_kept_from_the_be
     monkeypatch.setattr(continuous._Refining, "merged", lambda self, tolerance: _own(self))
     monkeypatch.setattr("fisherpoint.design.approximate._drawn", lambda *_: at(*np.linspace(-0.5, 0.5, 21)))
     monkeypatch.setattr("fisherpoint.design.approximate._searched", lambda *_: [])
-    design = fp.approximate(problem(), starts=100)
+    design = fp.approximate_design(problem(), starts=100)
     assert np.abs(design.points.u).max() <= 0.5
     # F at the ends, with thirds of the weight at -1/2, 0 and 1/2: sum of squares of Lagrange polynomials, times 3
     assert design.largest * 3 == pytest.approx(3 * (1 + 9 + 9), rel=1e-3)
     assert design.efficiency == pytest.approx(1 / 19, rel=1e-3) and design.efficiency <= 1 / 4
     assert "proven to be at least" in str(design)
-    honest = fp.approximate(problem(), at(*np.linspace(-0.5, 0.5, 21)))
+    honest = fp.approximate_design(problem(), at(*np.linspace(-0.5, 0.5, 21)))
     assert honest.efficiency > 1 - 1e-5 and honest.sensitivity(at(-1.0, 1.0)).min() > 10  # of its candidates, not of the region
 
 
@@ -241,7 +241,7 @@ def test_no_efficiency_against_the_best_weights_exceeds_one(
 ) -> None:
     given, rng = drawn
     candidates = points_of(given, count, rng)
-    best = fp.approximate(given, candidates, goal=name, tolerance=1e-4)
+    best = fp.approximate_design(given, candidates, goal=name, tolerance=1e-4)
     assert 0 < best.efficiency <= 1 and best.largest > 1 - 1e-3
     assert best.sensitivity(candidates).max() <= best.level * (best.largest + 1e-9)
     for _ in range(RANDOM_DESIGNS):

@@ -92,7 +92,7 @@ def test_help_without_a_command_version_and_info(run: Any) -> None:
     assert run("--version").out == f"fisherpoint {fp.__version__}\n"
     result = run("info")
     assert result.code == 0
-    assert fp.isa() in result.out
+    assert fp.instruction_set() in result.out
     assert fp.__version__ in result.out
 
 

@@ -208,7 +208,7 @@ def test_a_campaign_of_runs_from_the_first_batch_to_its_targets(run: Any, runs_f
     assert f"Measure the runs of {directory / 'batch_1.csv'}" in out and "y_A, y_B, y_C" in out
     assert f"The time table of the next batch is {directory / 'plan_1.csv'}." in out
     campaign = fp.Campaign.load(directory)
-    assert (campaign.batch, campaign.settings.n_candidates) == (1, 20) and isinstance(campaign.settings, fp.RunSettings)
+    assert (campaign.batch, campaign.settings.n_candidates) == (1, 20) and isinstance(campaign.settings, fp.results.RunSettings)
     assert run("campaign", runs_file, "-o", directory)[:2] == (0, out)
 
     data = measured_runs(runs_file, directory / "batch_1.csv", tmp_path / "measured.csv")

@@ -174,12 +174,12 @@ def test_an_unknown_instruction_set_is_one_line(wrong: str) -> None:
     done = run("info", FISHERPOINT_ISA=wrong)
     assert (done.returncode, done.stdout) == (2, "")
     given = repr(wrong)
-    assert done.stderr == f"fisherpoint: FISHERPOINT_ISA: expected one of {', '.join(fp.available_isas())}, given {given}\n"
+    assert done.stderr == f"fisherpoint: FISHERPOINT_ISA: expected one of {', '.join(fp.instruction_sets())}, given {given}\n"
 
 
 def test_an_instruction_set_that_the_machine_lacks_is_one_line() -> None:
-    available = ", ".join(fp.available_isas())
-    for level in {"v2", "v3", "v4", "generic"}.difference(fp.available_isas()):
+    available = ", ".join(fp.instruction_sets())
+    for level in {"v2", "v3", "v4", "generic"}.difference(fp.instruction_sets()):
         done = run("info", FISHERPOINT_ISA=level)
         assert (done.returncode, done.stdout) == (2, "")
         why = "which is not installed" if level in _core.supported_isas() else "which this machine does not have"
@@ -251,7 +251,7 @@ def test_pictures_without_their_package(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("package", "call"),
     [
-        ("sympy", "fp.sqrt"),
+        ("sympy", "fp.math.sqrt"),
         ("sympy", "fp.SymbolicModel"),
         ("sympy", "fp.model"),
         ("pydantic", "fp.load_model"),

@@ -19,7 +19,7 @@ RUNS = fp.Runs([[0.0]], np.array([[[1.0], [0.0], [1.0]]]), np.array([[0.5, 1.0, 
 def test_each_design_is_what_it_is_alone() -> None:
     found = fp.compare(PROBLEM, {"points": POINTS, "run": RUNS}, draws=200, seed=3)
     for name, of, kind, samples, duration in (("points", POINTS, "point", 3, 3.5), ("run", RUNS, "run", 3, 2.2)):
-        alone, one = fp.evaluate_design(PROBLEM, of), found.designs[name]
+        alone, one = fp.evaluate(PROBLEM, of), found.designs[name]
         assert one.log_det == pytest.approx(np.linalg.slogdet(alone.information)[1])
         assert one.standard_errors == alone.standard_errors
         assert (one.kind, one.count, one.samples) == (kind, len(of), samples) and one.duration == pytest.approx(duration)
@@ -61,7 +61,7 @@ def test_a_design_that_leaves_a_limit_stands_beside_the_others(tmp_path: Path) -
     )
     found.plot()
     found.save(tmp_path / "found.json")
-    assert str(fp.DesignComparison.load(tmp_path / "found.json")) == str(found)
+    assert str(fp.results.DesignComparison.load(tmp_path / "found.json")) == str(found)
 
 
 def test_misuse_is_told() -> None:

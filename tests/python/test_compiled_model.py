@@ -31,10 +31,10 @@ def cache(tmp_path_factory):
 )
 def slider(x, u, p):
     """A mass on a one-sided spring under friction: a jump, a kink, a pole, a limit, and a function of every kind."""
-    spring = p.k * fp.max(x.s, 0)
-    drive = u.u * (1 + 0.1 * fp.sin(p.a * x.s) + 0.1 * fp.tanh(x.v) ** 2) + fp.exp(-(x.v**2)) * 0.05
-    rate = (drive - p.c * fp.sign(x.v) - spring - p.d * x.v) / p.m + 0.01 / (x.s - 3) + 0.02 * fp.sqrt(x.s + 2) ** p.a
-    return [x.v, rate], [x.s, fp.where(x.s > 0.1, fp.log(2 + x.s), fp.atan(x.v))]
+    spring = p.k * fp.math.max(x.s, 0)
+    drive = u.u * (1 + 0.1 * fp.math.sin(p.a * x.s) + 0.1 * fp.math.tanh(x.v) ** 2) + fp.math.exp(-(x.v**2)) * 0.05
+    rate = (drive - p.c * fp.math.sign(x.v) - spring - p.d * x.v) / p.m + 0.01 / (x.s - 3) + 0.02 * fp.math.sqrt(x.s + 2) ** p.a
+    return [x.v, rate], [x.s, fp.math.where(x.s > 0.1, fp.math.log(2 + x.s), fp.math.atan(x.v))]
 
 
 THETA = {"c": 0.3, "k": 4.0, "d": 0.5, "a": 1.3}

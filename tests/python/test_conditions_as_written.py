@@ -40,7 +40,7 @@ def test_conditions_are_the_same_in_text_and_in_a_function(
     texts: list[str], function: Callable[..., Any], holds: Callable[[float, float], bool]
 ) -> None:
     models = [of_text(f"where({text}, 1, 2)") for text in texts]
-    models.append(of_function(lambda x, z, u: fp.where(function(x, z, u), 1, 2)))
+    models.append(of_function(lambda x, z, u: fp.math.where(function(x, z, u), 1, 2)))
     at = [(x, z) for x in (-0.5, 0.5, 1.5) for z in (-0.5, 0.5, 1.5)]
     for model in models:
         assert set(model.jumps) == set(models[0].jumps)
@@ -48,16 +48,16 @@ def test_conditions_are_the_same_in_text_and_in_a_function(
 
 
 IN_FUNCTIONS: dict[str, Callable[[Any, Any, Any], Any]] = {
-    r"expected conditions, with brackets .* &": lambda x, z, u: fp.where((x > 0) and (z > 0), 1, 0),
-    r"expected conditions, with brackets .* \|": lambda x, z, u: fp.where((x > 0) or (z > 0), 1, 0),
-    r"expected conditions, with brackets .* ~": lambda x, z, u: fp.where(not x > 0, 1, 0),
-    r"expected conditions, with brackets .*given x > 0": lambda x, z, u: fp.where(0 < x < 1, 1, 0),
-    r"expected conditions, with brackets .*given z": lambda x, z, u: fp.where(x > 0 & z > 0, 1, 0),
+    r"expected conditions, with brackets .* &": lambda x, z, u: fp.math.where((x > 0) and (z > 0), 1, 0),
+    r"expected conditions, with brackets .* \|": lambda x, z, u: fp.math.where((x > 0) or (z > 0), 1, 0),
+    r"expected conditions, with brackets .* ~": lambda x, z, u: fp.math.where(not x > 0, 1, 0),
+    r"expected conditions, with brackets .*given x > 0": lambda x, z, u: fp.math.where(0 < x < 1, 1, 0),
+    r"expected conditions, with brackets .*given z": lambda x, z, u: fp.math.where(x > 0 & z > 0, 1, 0),
     r"expected conditions, .*where\(condition, a, b\) instead of if": lambda x, z, u: x if x > 0 else z,
     r"expected conditions, .*fp\.max and fp\.min instead of max": lambda x, z, u: max(x, z),
     r"expected conditions, .*given x,": lambda x, z, u: x or z,
-    r"expected <, <=, > or >=, given == or != for x: write abs\(a - b\) < width": lambda x, z, u: fp.where(x == 0, 1, 0),
-    r"expected <, <=, > or >=, given == or != for u": lambda x, z, u: fp.where(u != 0, 1, 0),
+    r"expected <, <=, > or >=, given == or != for x: write abs\(a - b\) < width": lambda x, z, u: fp.math.where(x == 0, 1, 0),
+    r"expected <, <=, > or >=, given == or != for u": lambda x, z, u: fp.math.where(u != 0, 1, 0),
     r"expected no %, //, floor, .* given it for x": lambda x, z, u: x % 2,
     r"expected no %, //, floor, .* given it for 2\*x": lambda x, z, u: (2 * x) // 1,
     r"expected no %, //, floor, .* given it for z": lambda x, z, u: math.floor(z),

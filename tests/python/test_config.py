@@ -89,7 +89,7 @@ def test_short_and_long_forms_mean_the_same(tmp_path: Path) -> None:
         ('[rule]\nkind = "sparse_gauss_hermite"\nlevel = 3', fp.SparseGaussHermite(3)),
         ('[rule]\nkind = "sobol"\nn = 512\nseed = 4', fp.Sobol(512, seed=4)),
         ('[rule]\nkind = "unscented"', fp.Unscented()),
-        ('[rule]\nkind = "linearized"', fp.Linearized()),
+        ('[rule]\nkind = "linearized"', fp.LinearizedRule()),
     ],
 )
 def test_rules_of_every_kind(tmp_path: Path, table: str, rule: fp.Rule) -> None:

@@ -45,7 +45,7 @@ def twelve(seed: int, rule: fp.TensorGrid = FULL) -> fp.Experiments:
 
 @cache
 def evaluation(kind: str, names: tuple[str, ...], seed: int, rule: fp.TensorGrid = FULL) -> fp.Evaluation:
-    return fp.evaluate_design(on_grid(kind, names, rule), twelve(seed, rule))
+    return fp.evaluate(on_grid(kind, names, rule), twelve(seed, rule))
 
 
 def relative_eigenvalues(a: Floats, b: Floats) -> Floats:
@@ -72,7 +72,7 @@ def canonical_correlations(fisher: Floats) -> Floats:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_with_noise_alone_a_sub_problem_is_a_block_of_the_whole(group: str, seed: int) -> None:
     points = valid_points(12, seed=seed)
-    whole, part = fp.evaluate_design(problem(), points), fp.evaluate_design(problem(parameters=GROUPS[group]), points)
+    whole, part = fp.evaluate(problem(), points), fp.evaluate(problem(parameters=GROUPS[group]), points)
     assert part.parameters == GROUPS[group]
     expected = block(whole.fisher, group)
     size = np.sqrt(np.diag(expected))
@@ -93,7 +93,7 @@ def test_what_is_known_does_not_matter(group: str, kind: str) -> None:
         prior=fp.GaussianPrior(MODEL.nominal, relative_std=other),
         jumps="exclude",
     )
-    expected, actual = evaluation(kind, GROUPS[group], 0, THIN), fp.evaluate_design(changed, points)
+    expected, actual = evaluation(kind, GROUPS[group], 0, THIN), fp.evaluate(changed, points)
     assert same_bits(actual.fisher, expected.fisher)
     assert same_bits(actual.output_covariance, expected.output_covariance)
 
@@ -205,7 +205,7 @@ def test_the_off_diagonal_block_vanishes_with_a_precise_position_and_short_times
 
     def largest(time: float, q_noise: float) -> float:
         given = problem(noise_std=NOISE | {"q": q_noise * NOISE["q"]}, rtol=TIGHT)
-        fisher = fp.evaluate_design(given, fp.Experiments(points.x0, points.u, time * points.dt)).fisher
+        fisher = fp.evaluate(given, fp.Experiments(points.x0, points.u, time * points.dt)).fisher
         return float(canonical_correlations(fisher)[0])
 
     assert largest(1.0, 1.0) > 0.5
@@ -219,7 +219,7 @@ def test_the_off_diagonal_block_vanishes_with_a_precise_position_and_short_times
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_not_knowing_the_other_group_costs_what_the_canonical_correlation_says(group: str, seed: int) -> None:
     points = valid_points(12, seed=seed)
-    whole, part = fp.evaluate_design(problem(), points), fp.evaluate_design(problem(parameters=GROUPS[group]), points)
+    whole, part = fp.evaluate(problem(), points), fp.evaluate(problem(parameters=GROUPS[group]), points)
     assert whole.standard_errors is not None and part.standard_errors is not None
     ratio = np.array([whole.standard_errors[name] / part.standard_errors[name] for name in GROUPS[group]])
     worst = 1 / np.sqrt(1 - canonical_correlations(whole.fisher)[0] ** 2)
@@ -243,14 +243,14 @@ def test_the_two_problems_are_designed_separately() -> None:
         assert tuple(found.standard_errors) == tuple(found.rse) == tuple(found.prior_std) == GROUPS[group]
         assert all(0 < error < PRIOR.std[name] for name, error in found.standard_errors.items())
         # and it is the block of the whole's Fisher matrix for these points
-        expected = block(fp.evaluate_design(problem(), design.points).fisher, group)
+        expected = block(fp.evaluate(problem(), design.points).fisher, group)
         size = np.sqrt(np.diag(expected))
         np.testing.assert_allclose(found.fisher / np.outer(size, size), expected / np.outer(size, size), rtol=0, atol=1e-13)
 
     rows = {group: {row.tobytes() for row in design.points.table} for group, design in designs.items()}
     assert rows["mechanical"] != rows["hydraulic"]
     for group, other in (("mechanical", "hydraulic"), ("hydraulic", "mechanical")):
-        foreign = fp.evaluate_design(problems[group], designs[other].points)
+        foreign = fp.evaluate(problems[group], designs[other].points)
         assert designs[group].evaluation.log_det > foreign.log_det + 1  # each design is made for its own parameters
 
 
@@ -260,4 +260,4 @@ def test_a_sub_problem_is_designed_with_its_own_spread(group: str, kind: str) ->
     given = on_grid(kind, GROUPS[group], THIN)
     design = fp.exchange(given, n_experiments=6, n_candidates=10, max_iterations=10, method=fp.ExchangeMethod(references=False))
     assert design.evaluation.parameters == GROUPS[group] and np.isfinite(design.evaluation.log_det)
-    assert design.evaluation.log_det == pytest.approx(fp.evaluate_design(given, design.points).log_det, abs=1e-9)
+    assert design.evaluation.log_det == pytest.approx(fp.evaluate(given, design.points).log_det, abs=1e-9)

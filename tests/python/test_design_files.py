@@ -128,7 +128,7 @@ def test_the_json_is_strict_and_tells_versions(saved: Path) -> None:
         raise AssertionError(f"{constant} is no JSON")
 
     data = json.loads((saved / "design.json").read_text(), parse_constant=refuse)
-    assert data["format"] == "fisherpoint Design" and data["versions"]["isa"] == fp.isa()
+    assert data["format"] == "fisherpoint Design" and data["versions"]["isa"] == fp.instruction_set()
     assert data["versions"]["numpy"] == np.__version__
     singular = fp.exchange(problem(), **QUICK | {"n_experiments": 1})
     singular.save(saved)
@@ -333,4 +333,4 @@ def test_everything_can_be_sent_to_another_process_and_hashed(saved: Path) -> No
     copy = pickle.loads(pickle.dumps(design))
     assert copy.points == design.points
     assert copy.evaluation.standard_errors == design.evaluation.standard_errors
-    assert fp.evaluate_design(copy.problem, copy.points).log_det == fp.evaluate_design(design.problem, design.points).log_det
+    assert fp.evaluate(copy.problem, copy.points).log_det == fp.evaluate(design.problem, design.points).log_det

@@ -167,7 +167,7 @@ def test_few_samples_are_the_best_ones() -> None:
     for i in range(8):
         for j in range(i):
             measured = np.isin(np.arange(8), (i, j))
-            information = fp.evaluate_design(problem, fp.Runs(runs.x0, runs.u, runs.dt, measured)).information
+            information = fp.evaluate(problem, fp.Runs(runs.x0, runs.u, runs.dt, measured)).information
             values.append(np.linalg.slogdet(information)[1])
     assert design.log_det == pytest.approx(max(values), abs=1e-5)
 
@@ -223,7 +223,7 @@ def test_classical_runs_stand_beside_the_design(tmp_path: Path) -> None:
     assert "Beside classical runs" in str(design) and "binary sequences" in str(design)
     # Those of one step, by hand.
     up = fp.Runs([[0.0, 0.0]], np.ones((1, 8, 1)), np.full((1, 8), 0.5))
-    one_level = np.linalg.slogdet(fp.evaluate_design(design.problem, up).information)[1]
+    one_level = np.linalg.slogdet(fp.evaluate(design.problem, up).information)[1]
     assert design.classical["steps"] >= one_level - 1e-6
     design.save(tmp_path)
     again = fp.RunDesign.load(tmp_path)

@@ -198,7 +198,7 @@ result = fp.sensitivities(model, experiments, data["theta"], rtol=1e-9)
 rule = fp.TensorGrid({name: 2 if name in ("a_tau", "E_oil", "p_t") else 1 for name in prior.names})
 spread = fp.predictive_covariance(model, experiments, prior, rule, rtol=1e-9)
 states = fp.simulate(model, experiments, data["theta"], rtol=1e-9)
-np.savez(out, isa=fp.isa(), x=states.x, x_sensitive=result.x, dx=result.dx_dtheta, status=result.status,
+np.savez(out, isa=fp.instruction_set(), x=states.x, x_sensitive=result.x, dx=result.dx_dtheta, status=result.status,
          covariance=spread.covariance, spread_status=spread.status)
 """
 
@@ -212,7 +212,7 @@ def run(program: str, *arguments: str, isa: str | None = None) -> subprocess.Com
 
 
 def test_every_instruction_set_gives_the_same_numbers(tmp_path: Path) -> None:
-    levels = fp.available_isas()
+    levels = fp.instruction_sets()
     if len(levels) < 2:
         pytest.skip("only one instruction-set level is installed")
     data = Path(__file__).parent / "data" / "cylinder.json"
@@ -240,17 +240,17 @@ def test_an_unknown_instruction_set_is_one_clear_import_error(wrong: str) -> Non
     done = run("import fisherpoint; fisherpoint.HydraulicCylinder", isa=wrong)
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
-    assert last == f"ImportError: FISHERPOINT_ISA: expected one of {', '.join(fp.available_isas())}, given {wrong!r}"
+    assert last == f"ImportError: FISHERPOINT_ISA: expected one of {', '.join(fp.instruction_sets())}, given {wrong!r}"
 
 
 def test_the_best_level_is_taken_by_default() -> None:
-    done = run("import fisherpoint; print(fisherpoint.isa())")
-    assert done.stdout.strip() == fp.available_isas()[-1]
-    assert fp.isa() in fp.available_isas()
+    done = run("import fisherpoint; print(fisherpoint.instruction_set())")
+    assert done.stdout.strip() == fp.instruction_sets()[-1]
+    assert fp.instruction_set() in fp.instruction_sets()
 
 
 @pytest.mark.skipif(shutil.which("nm") is None, reason="nm (binutils) is not installed")
-@pytest.mark.parametrize("level", fp.available_isas())
+@pytest.mark.parametrize("level", fp.instruction_sets())
 def test_a_kernel_module_exports_its_entry_alone(level: str) -> None:
     (library,) = PACKAGE.joinpath("engine").glob(f"_kernels_{level}.*.so")
     listed = subprocess.run(["nm", "-D", "--defined-only", str(library)], capture_output=True, text=True, check=True).stdout

@@ -24,29 +24,29 @@ def of_function(rate: Any) -> fp.SymbolicModel:
 
 
 WRITTEN: dict[str, tuple[Any, list[str]]] = {
-    "sqrt(x)*sqrt(x)": (lambda x, u, k: fp.sqrt(x) * fp.sqrt(x), ["x > 0"]),
-    "sqrt(x)**2": (lambda x, u, k: fp.sqrt(x) ** 2, ["x > 0"]),
+    "sqrt(x)*sqrt(x)": (lambda x, u, k: fp.math.sqrt(x) * fp.math.sqrt(x), ["x > 0"]),
+    "sqrt(x)**2": (lambda x, u, k: fp.math.sqrt(x) ** 2, ["x > 0"]),
     "(x**0.5)**2": (lambda x, u, k: (x**0.5) ** 2, ["x > 0"]),
     "x**1.5*x**0.5": (lambda x, u, k: x**1.5 * x**0.5, ["x > 0"]),
     "x**k*x**(-k)": (lambda x, u, k: x**k * x ** (-k), ["x > 0"]),
-    "sqrt(2*x + 1)**2": (lambda x, u, k: fp.sqrt(2 * x + 1) ** 2, ["2*x + 1 > 0"]),
+    "sqrt(2*x + 1)**2": (lambda x, u, k: fp.math.sqrt(2 * x + 1) ** 2, ["2*x + 1 > 0"]),
     "x/x": (lambda x, u, k: x / x, ["x other than 0"]),
     "u*x/x": (lambda x, u, k: u * x / x, ["x other than 0"]),
     "x**2/x": (lambda x, u, k: x**2 / x, ["x other than 0"]),
-    "0*log(x)": (lambda x, u, k: 0 * fp.log(x), ["x > 0"]),
-    "log(x) - log(x)": (lambda x, u, k: fp.log(x) - fp.log(x), ["x > 0"]),
-    "exp(log(x))": (lambda x, u, k: fp.exp(fp.log(x)), ["x > 0"]),
-    "sin(asin(x))": (lambda x, u, k: fp.sin(fp.asin(x)), ["1 - x > 0", "x + 1 > 0"]),
-    "u + sqrt(u*x)**2": (lambda x, u, k: u + fp.sqrt(u * x) ** 2, ["u*x > 0"]),
-    "max(sqrt(x)**2, 1)": (lambda x, u, k: fp.max(fp.sqrt(x) ** 2, 1), ["x > 0"]),
+    "0*log(x)": (lambda x, u, k: 0 * fp.math.log(x), ["x > 0"]),
+    "log(x) - log(x)": (lambda x, u, k: fp.math.log(x) - fp.math.log(x), ["x > 0"]),
+    "exp(log(x))": (lambda x, u, k: fp.math.exp(fp.math.log(x)), ["x > 0"]),
+    "sin(asin(x))": (lambda x, u, k: fp.math.sin(fp.math.asin(x)), ["1 - x > 0", "x + 1 > 0"]),
+    "u + sqrt(u*x)**2": (lambda x, u, k: u + fp.math.sqrt(u * x) ** 2, ["u*x > 0"]),
+    "max(sqrt(x)**2, 1)": (lambda x, u, k: fp.math.max(fp.math.sqrt(x) ** 2, 1), ["x > 0"]),
     # What is defined everywhere is no limit.
-    "log(exp(x))": (lambda x, u, k: fp.log(fp.exp(x)), []),
-    "sqrt(x**2)": (lambda x, u, k: fp.sqrt(x**2), []),
+    "log(exp(x))": (lambda x, u, k: fp.math.log(fp.math.exp(x)), []),
+    "sqrt(x**2)": (lambda x, u, k: fp.math.sqrt(x**2), []),
     "x - x": (lambda x, u, k: x - x, []),
-    "sqrt(max(x - 1, 0))**2": (lambda x, u, k: fp.sqrt(fp.max(x - 1, 0)) ** 2, []),
+    "sqrt(max(x - 1, 0))**2": (lambda x, u, k: fp.math.sqrt(fp.math.max(x - 1, 0)) ** 2, []),
     # What says the same is no further one.
-    "x*sqrt(x)": (lambda x, u, k: x * fp.sqrt(x), ["x > 0"]),
-    "sqrt(4*x)": (lambda x, u, k: fp.sqrt(4 * x), ["x > 0"]),
+    "x*sqrt(x)": (lambda x, u, k: x * fp.math.sqrt(x), ["x > 0"]),
+    "sqrt(4*x)": (lambda x, u, k: fp.math.sqrt(4 * x), ["x > 0"]),
     "1/(x*u)": (lambda x, u, k: 1 / (x * u), ["u other than 0", "x other than 0"]),
 }
 
@@ -70,7 +70,7 @@ def test_the_domain_is_that_of_what_is_written(text: str) -> None:
 def test_a_point_beyond_is_no_point() -> None:
     """x' = -sqrt(x)*sqrt(x) from -1 has no value, as -sqrt(x)**2 of numbers has none."""
     points = fp.Experiments(np.array([[-1.0], [1.0]]), np.zeros((2, 1)), np.array([0.5, 0.5]))
-    for model in (of_text("-sqrt(x)*sqrt(x)"), of_function(lambda x, u, k: -fp.sqrt(x) * x**0.5)):
+    for model in (of_text("-sqrt(x)*sqrt(x)"), of_function(lambda x, u, k: -fp.math.sqrt(x) * x**0.5)):
         found = fp.simulate(model, points, [1.0])
         assert [fp.Status(status) for status in found.status] == [fp.Status.left_domain, fp.Status.ok]
         assert found.x[1, 0] == pytest.approx(np.exp(-0.5), rel=1e-5)
@@ -89,7 +89,7 @@ def test_a_branch_that_is_not_taken_has_no_limit() -> None:
     for model in (
         of_text("where(x > 1, sqrt(x)*sqrt(x), -1)"),
         of_text("2*where(x > 1, sqrt(x)*sqrt(x), -1) - where(x > 1, sqrt(x)*sqrt(x), -1)"),
-        of_function(lambda x, u, k: fp.where(x > 1, fp.sqrt(x) * fp.sqrt(x), -1)),
+        of_function(lambda x, u, k: fp.math.where(x > 1, fp.math.sqrt(x) * fp.math.sqrt(x), -1)),
     ):
         assert not fp.simulate(model, points, [1.0]).status.any()
     inside = of_text("where(x > 0, sqrt(x - 1)**2, -1)")

@@ -291,7 +291,7 @@ def test_parameters_may_be_any_collection_of_names(chosen: Any) -> None:
 TRAPPED = point(v=1e-3, p_A=2e6, p_B=18e6, dt=1e-2)
 
 
-@pytest.mark.parametrize("function", [fp.evaluate_design, fp.evaluate_under_noise])
+@pytest.mark.parametrize("given", [{}, {"output_covariance": "noise"}])
 @pytest.mark.parametrize(
     ("name", "points"),
     [
@@ -303,13 +303,13 @@ TRAPPED = point(v=1e-3, p_A=2e6, p_B=18e6, dt=1e-2)
         ("x0", fp.Experiments([X[:4]], [U], [1e-3])),
     ],
 )
-def test_evaluations(function: Any, name: str, points: Any) -> None:
-    check(lambda: function(problem(jumps="exclude"), points), name)
+def test_evaluations(given: Any, name: str, points: Any) -> None:
+    check(lambda: fp.evaluate(problem(jumps="exclude"), points, **given), name)
 
 
 def test_an_evaluation_wants_a_problem() -> None:
-    check(lambda: fp.evaluate_design(None, POINTS), "problem")  # type: ignore[arg-type]
-    check(lambda: fp.evaluate_design(problem(), POINTS, threads=0), "threads")
+    check(lambda: fp.evaluate(None, POINTS), "problem")  # type: ignore[arg-type]
+    check(lambda: fp.evaluate(problem(), POINTS, threads=0), "threads")
 
 
 @pytest.mark.parametrize(

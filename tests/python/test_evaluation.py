@@ -67,7 +67,7 @@ def test_an_evaluation_is_the_papers_equations(kind: str, noise: bool) -> None:
     rule = grid(a_tau=2, E_oil=3, B_v=2, p_t=2)
     points = valid_points(9, seed=1, rule=rule)
     given = problem(output_covariance=kind, noise_std=NOISE if noise else None, rule=rule, rtol=RTOL)
-    evaluation = fp.evaluate_design(given, points)
+    evaluation = fp.evaluate(given, points)
     d, f, used = direct(kind, noise, points, rule)
 
     assert evaluation.output_covariance_kind == kind
@@ -85,7 +85,7 @@ def test_an_evaluation_is_the_papers_equations(kind: str, noise: bool) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_standard_errors_come_from_the_sum_form(kind: str) -> None:
     points = valid_points(12, seed=2)
-    evaluation = fp.evaluate_design(problem(output_covariance=kind), points)
+    evaluation = fp.evaluate(problem(output_covariance=kind), points)
     total = evaluation.information
     np.testing.assert_allclose(total, evaluation.fisher * len(points) / 2, rtol=1e-12)  # (7)'s 2/L taken off
     scale = np.sqrt(np.diag(total))
@@ -108,7 +108,7 @@ def test_standard_errors_come_from_the_sum_form(kind: str) -> None:
 def test_repeating_every_point_halves_the_covariance_and_keeps_fisher() -> None:
     points = valid_points(10, seed=3)
     twice = points[list(range(10)) * 2]
-    once, doubled = (fp.evaluate_design(problem(), given) for given in (points, twice))
+    once, doubled = (fp.evaluate(problem(), given) for given in (points, twice))
     np.testing.assert_allclose(doubled.fisher, once.fisher, rtol=1e-10, atol=1e-10 * np.abs(once.fisher).max())
     assert once.covariance is not None and doubled.covariance is not None
     errors = np.sqrt(np.diag(once.covariance))
@@ -118,17 +118,18 @@ def test_repeating_every_point_halves_the_covariance_and_keeps_fisher() -> None:
 def test_evaluation_under_noise() -> None:
     points = valid_points(10, seed=4)
     pooled = problem(output_covariance="pooled")
-    under_noise = fp.evaluate_under_noise(pooled, points)
-    assert under_noise is not None and under_noise.output_covariance_kind == "noise"
-    assert under_noise.log_det == fp.evaluate_design(problem(output_covariance="noise"), points).log_det
-    assert fp.evaluate_under_noise(problem(noise_std=None), points) is None
+    under_noise = fp.evaluate(pooled, points, output_covariance="noise")
+    assert under_noise.output_covariance_kind == "noise"
+    assert under_noise.log_det == fp.evaluate(problem(output_covariance="noise"), points).log_det
+    with pytest.raises(ValueError, match="noise_std"):
+        fp.evaluate(problem(noise_std=None), points, output_covariance="noise")
 
 
 @pytest.mark.parametrize("chosen", [("a_tau", "b_tau", "m_q"), ("B_v",), NAMES[3:], NAMES[::-1]])
 def test_a_part_of_the_parameters_is_a_block(chosen: tuple[str, ...]) -> None:
     points = valid_points(10, seed=5)
-    whole = fp.evaluate_design(problem(), points)
-    part = fp.evaluate_design(problem(parameters=chosen), points)
+    whole = fp.evaluate(problem(), points)
+    part = fp.evaluate(problem(parameters=chosen), points)
     columns = [k for k, name in enumerate(NAMES) if name in chosen]
     assert part.parameters == tuple(NAMES[k] for k in columns)
     block = whole.fisher[np.ix_(columns, columns)]
@@ -138,7 +139,7 @@ def test_a_part_of_the_parameters_is_a_block(chosen: tuple[str, ...]) -> None:
 def test_known_parameters_do_not_spread_the_outputs() -> None:
     points = valid_points(9, seed=6)
     rule = grid(a_tau=3, E_oil=3, B_v=3)
-    part = fp.evaluate_design(problem(output_covariance="pooled", parameters=["E_oil", "m_q"], rule=rule, rtol=RTOL), points)
+    part = fp.evaluate(problem(output_covariance="pooled", parameters=["E_oil", "m_q"], rule=rule, rtol=RTOL), points)
     expected = R + predictive(points, grid(E_oil=3)).mean(axis=0)
     size = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(part.output_covariance / np.outer(size, size), expected / np.outer(size, size), atol=1e-5)
@@ -151,7 +152,7 @@ def test_known_parameters_do_not_spread_the_outputs() -> None:
 @pytest.mark.parametrize("count", [1, 2])
 def test_fewer_points_than_parameters(kind: str, count: int) -> None:
     points = valid_points(count, seed=7)
-    evaluation = fp.evaluate_design(problem(output_covariance=kind), points)
+    evaluation = fp.evaluate(problem(output_covariance=kind), points)
     assert evaluation.rank == 3 * count  # x_v depends on no parameter
     assert evaluation.log_det == -np.inf
     assert evaluation.standard_errors is evaluation.rse is evaluation.covariance is evaluation.correlation is None
@@ -169,7 +170,7 @@ def test_fewer_points_than_parameters(kind: str, count: int) -> None:
 
 
 def test_three_points_of_three_outputs_may_be_enough() -> None:
-    evaluation = fp.evaluate_design(problem(), valid_points(3, seed=8))
+    evaluation = fp.evaluate(problem(), valid_points(3, seed=8))
     assert evaluation.rank == 9 and np.isfinite(evaluation.log_det) and evaluation.standard_errors is not None
 
 
@@ -179,7 +180,7 @@ def test_a_parameter_without_influence_is_named() -> None:
     model = fp.SymbolicModel(["-k*c - b*n*max(c - 100, 0)"], ["c"], states, {}, parameters, states)
     prior = fp.GaussianPrior({"k": 0.5, "b": 1.0, "n": 2.0}, relative_std={"k": 0.1, "b": 0.1, "n": 0.1})
     points = fp.Experiments([[1.0], [2.0], [3.0]], np.empty((3, 0)), [0.5, 1.0, 2.0])
-    evaluation = fp.evaluate_design(fp.DesignProblem(model, prior, None, noise_std={"c": 0.01}), points)
+    evaluation = fp.evaluate(fp.DesignProblem(model, prior, None, noise_std={"c": 0.01}), points)
     assert evaluation.log_det == -np.inf and evaluation.standard_errors is None
     found = {name for direction in evaluation.null_directions for name in direction}
     assert found == {"b", "n"} and evaluation.rank == 1
@@ -187,7 +188,7 @@ def test_a_parameter_without_influence_is_named() -> None:
 
 def test_repeated_points_add_no_rank() -> None:
     one = valid_points(1, seed=10)
-    evaluation = fp.evaluate_design(problem(), one[[0] * 12])
+    evaluation = fp.evaluate(problem(), one[[0] * 12])
     assert evaluation.rank == 3 and evaluation.log_det == -np.inf and len(evaluation.null_directions) == 6
 
 
@@ -198,7 +199,7 @@ def test_rank_log_det_and_standard_errors_agree() -> None:
     for decade in np.linspace(-12, -0.7, 60):
         table = base * (1 + 10.0**decade * rng.uniform(-1, 1, (12, 7)))
         points = fp.Experiments(table[:, :5], table[:, 5:6], table[:, 6])
-        evaluation = fp.evaluate_design(problem(), points)
+        evaluation = fp.evaluate(problem(), points)
         regular = evaluation.standard_errors is not None
         seen.add(regular)
         assert regular == bool(np.isfinite(evaluation.log_det)) == (evaluation.rank == 9) == (not evaluation.null_directions)
@@ -212,7 +213,7 @@ def test_rank_log_det_and_standard_errors_agree() -> None:
 
 @pytest.mark.parametrize("kind", ["region", "pooled", "pointwise"])
 def test_without_noise_the_valve_position_is_left_out_by_name(kind: str) -> None:
-    evaluation = fp.evaluate_design(problem(noise_std=None, output_covariance=kind), valid_points(9, seed=12))
+    evaluation = fp.evaluate(problem(noise_std=None, output_covariance=kind), valid_points(9, seed=12))
     assert evaluation.outputs == ("q", "p_A", "p_B") and evaluation.outputs_left_out == ("x_v",)
     assert evaluation.output_covariance.shape[-2:] == (3, 3)
 
@@ -221,17 +222,17 @@ def test_without_noise_the_valve_position_is_left_out_by_name(kind: str) -> None
 def test_a_grid_of_one_node_leaves_no_variance_and_the_error_names_the_outputs(kind: str) -> None:
     given = problem(noise_std=None, output_covariance=kind, rule=grid())
     with pytest.raises(ValueError, match=r"expected a regular D, given no variance of q, p_A, p_B.*noise_std"):
-        fp.evaluate_design(given.replace(jumps="exclude"), valid_points(9, seed=13, jumps="exclude"))
+        fp.evaluate(given.replace(jumps="exclude"), valid_points(9, seed=13, jumps="exclude"))
     # A crossing is computed node by node, which leaves roundings of a variance.
     with pytest.raises(ValueError, match=r"expected a regular D, given (no variance of q|one that is singular in).*noise_std"):
-        fp.evaluate_design(given, valid_points(9, seed=13))
+        fp.evaluate(given, valid_points(9, seed=13))
 
 
 @pytest.mark.parametrize(("kind", "count"), [("pooled", 1), ("pointwise", 9)])
 def test_too_few_levels_for_the_outputs_are_an_error_that_names_them(kind: str, count: int) -> None:
     given = problem(noise_std=None, output_covariance=kind, rule=grid(B_v=2))  # two nodes: rank two at most
     with pytest.raises(ValueError, match=r"expected a regular D, given one that is singular in .*(q|p_A|p_B).*noise_std") as caught:
-        fp.evaluate_design(given, valid_points(count, seed=14, rule=grid(B_v=2)))
+        fp.evaluate(given, valid_points(count, seed=14, rule=grid(B_v=2)))
     assert "x_v" not in str(caught.value)
 
 
@@ -246,7 +247,7 @@ def test_to_first_order_every_pooled_design_without_noise_has_the_same_trace(see
     rule = fp.TensorGrid(2, span=1.0)  # 512 nodes
     given = problem(prior=prior, noise_std=None, output_covariance="pooled", rule=rule, rtol=1e-11)
     points = valid_points(12, seed=seed)
-    evaluation = fp.evaluate_design(given, points)
+    evaluation = fp.evaluate(given, points)
     shares = np.array(list(rule.variances(prior).values()))
     # Terms of second order are as small as the prior; the integrator adds 1e-11 to deviations of about 1e-4 of 1e-2.
     assert shares @ np.diag(evaluation.fisher) == pytest.approx(2 * 3, rel=20 * small)
@@ -288,17 +289,17 @@ def test_a_regionless_problem_can_be_evaluated() -> None:
     for kind in ("noise", "pooled", "pointwise"):
         given = problem(output_covariance=kind)
         points = valid_points(9, seed=18)
-        expected = fp.evaluate_design(given, points).log_det
-        assert fp.evaluate_design(given.replace(region=None), points).log_det == expected
+        expected = fp.evaluate(given, points).log_det
+        assert fp.evaluate(given.replace(region=None), points).log_det == expected
 
 
 def test_the_region_covariance_does_not_depend_on_the_design() -> None:
-    a, b = (fp.evaluate_design(problem(output_covariance="region"), valid_points(9, seed=s)) for s in (19, 20))
+    a, b = (fp.evaluate(problem(output_covariance="region"), valid_points(9, seed=s)) for s in (19, 20))
     np.testing.assert_array_equal(a.output_covariance, b.output_covariance)
 
 
 def test_an_evaluation_of_one_point_with_all_noise() -> None:
-    evaluation: Any = fp.evaluate_design(problem(), point())
+    evaluation: Any = fp.evaluate(problem(), point())
     np.testing.assert_allclose(evaluation.output_covariance, R, rtol=1e-15)
     assert SMALL.size(PRIOR) == 27
 
@@ -311,9 +312,7 @@ def test_a_polynomial_far_from_zero_has_the_determinant_that_it_has_there(place:
     """A shift of u is a change of parameters with determinant 1; the singular values fall as the square of the place."""
     prior = fp.GaussianPrior({"a": 1.0, "b": 2.0, "c": 3.0}, std=dict.fromkeys("abc", 0.1))
     given = fp.DesignProblem(QUADRATIC, prior, None, noise_std={"y": 0.1})
-    near, far = (
-        fp.evaluate_design(given, fp.Experiments(np.empty((5, 0)), np.linspace(u, u + 1, 5)[:, None])) for u in (0.0, place)
-    )
+    near, far = (fp.evaluate(given, fp.Experiments(np.empty((5, 0)), np.linspace(u, u + 1, 5)[:, None])) for u in (0.0, place))
     assert far.log_det == pytest.approx(near.log_det, abs=1e-4) and far.rank == 3
     assert near.standard_errors is not None and far.standard_errors is not None
     assert far.standard_errors["c"] == pytest.approx(near.standard_errors["c"], rel=1e-4)
@@ -323,7 +322,7 @@ def test_a_null_direction_has_all_that_the_outputs_feel() -> None:
     """a alone does change them: what does not is a, b and c together, in shares of 1, 1e-6 and 1e-12."""
     prior = fp.GaussianPrior({"a": 1.0, "b": 2.0, "c": 3.0}, std=dict.fromkeys("abc", 0.1))
     points = fp.Experiments(np.empty((5, 0)), np.linspace(1e6, 1e6 + 1, 5)[:, None])
-    evaluation = fp.evaluate_design(fp.DesignProblem(QUADRATIC, prior, None, noise_std={"y": 0.1}), points)
+    evaluation = fp.evaluate(fp.DesignProblem(QUADRATIC, prior, None, noise_std={"y": 0.1}), points)
     assert evaluation.rank == 2 and evaluation.log_det == -np.inf
     (direction,) = evaluation.null_directions
     change = np.array([direction[name] for name in "abc"])  # all are listed
@@ -332,7 +331,7 @@ def test_a_null_direction_has_all_that_the_outputs_feel() -> None:
 
 
 def test_units_stand_in_the_report_and_are_kept(tmp_path: Path) -> None:
-    evaluation = fp.evaluate_design(problem(), valid_points(12))
+    evaluation = fp.evaluate(problem(), valid_points(12))
     assert evaluation.units == {quantity.name: quantity.unit for quantity in MODEL.parameters}
     assert [(row[0], row[1]) for row in evaluation.report().sections[0].rows][:2] == [("a_tau", "N"), ("b_tau", "N s/m")]
     evaluation.save(tmp_path / "evaluation.json")

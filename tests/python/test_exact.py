@@ -51,10 +51,10 @@ def best_of(matrices: Any, criterion: Criterion, n: int) -> float:
 
 
 def test_the_best_designs_of_a_quadratic_are_found_and_proven() -> None:
-    weights = fp.approximate(QUADRATIC, inputs(GRID))
+    weights = fp.approximate_design(QUADRATIC, inputs(GRID))
     matrices = np.einsum("ki,kj->kij", *(2 * [rows_of_quadratic(GRID)]))
     for n, efficiency in ((6, 0.8849), (7, 0.9454), (8, 0.9572)):
-        design = fp.exact(QUADRATIC, inputs(GRID), n)
+        design = fp.exact_design(QUADRATIC, inputs(GRID), n)
         assert design.proven and design.efficiency == pytest.approx(1.0, abs=2e-6)
         counts = every_design(9, n)
         best = np.linalg.slogdet(np.tensordot(counts.astype(float), matrices, 1)[:])[1].max()
@@ -67,10 +67,10 @@ def test_the_best_designs_of_a_quadratic_are_found_and_proven() -> None:
 
 @pytest.mark.parametrize("n", range(6, 15))
 def test_the_gap_of_a_quadratic_in_two_factors_is_closed(n: int) -> None:
-    design = fp.exact(QUADRATIC, inputs(GRID), n, gap=1e-8)
+    design = fp.exact_design(QUADRATIC, inputs(GRID), n, gap=1e-8)
     assert design.proven and design.nodes <= 60
     single = fp.exchange(QUADRATIC, n, seed=1)  # of all places, which may be better
-    on_grid = fp.evaluate_under_noise(QUADRATIC, fp.Experiments.join([design.points]))
+    on_grid = fp.evaluate(QUADRATIC, fp.Experiments.join([design.points]), output_covariance="noise")
     assert on_grid.log_det <= single.evaluation.log_det + 1e-6
 
 
@@ -79,14 +79,14 @@ def test_the_gap_of_a_quadratic_in_three_factors_is_closed(n: int, nodes: int) -
     names = {f"p{k}": 1.0 for k in range(10)}
     terms = ["1", "a", "b", "c", "a*a", "a*b", "a*c", "b*b", "b*c", "c*c"]
     problem = algebraic(" + ".join(f"p{k}*{t}" for k, t in enumerate(terms)), names, dict.fromkeys("abc", (-1, 1)))
-    design = fp.exact(problem, inputs(CUBE), n)
+    design = fp.exact_design(problem, inputs(CUBE), n)
     assert design.proven and design.nodes <= nodes
 
 
 @pytest.mark.parametrize("name", GOALS)
 @pytest.mark.parametrize("n", [6, 7])
 def test_designs_by_every_criterion_are_the_best_of_all(name: str, n: int) -> None:
-    design = fp.exact(QUADRATIC, inputs(GRID), n, goal=GOALS[name])
+    design = fp.exact_design(QUADRATIC, inputs(GRID), n, goal=GOALS[name])
     criterion = fp.criterion(QUADRATIC, GOALS[name])
     matrices = np.einsum("ki,kj->kij", *(2 * [rows_of_quadratic(GRID)]))
     best = best_of(matrices, criterion, n)
@@ -177,9 +177,9 @@ def test_symmetries_are_those_of_the_cube_and_random_rows_have_none() -> None:
 @pytest.mark.parametrize("n", [4, 5])
 def test_neighbours_on_a_fine_grid_do_not_hold_up_the_proof(count: int, n: int) -> None:
     t = np.linspace(0, 48, count + 1)[1:]
-    design = fp.exact(COMPARTMENT, inputs(t), n)
+    design = fp.exact_design(COMPARTMENT, inputs(t), n)
     assert design.proven and design.nodes < 200 and design.n_left < count
-    better = fp.exact(MICHAELIS, inputs(np.linspace(0, 5, count + 1)[1:]), n)
+    better = fp.exact_design(MICHAELIS, inputs(np.linspace(0, 5, count + 1)[1:]), n)
     assert better.proven and better.nodes < 100 and sorted(better.counts) == [n // 2, n - n // 2]
 
 
@@ -201,7 +201,7 @@ def test_similar_candidates_lie_beside_each_other_in_groups_within_groups(most: 
 
 
 def test_twenty_thousand_candidates_are_no_obstacle() -> None:
-    design = fp.exact(MICHAELIS, inputs(np.linspace(0, 5, 20_001)[1:]), 5)
+    design = fp.exact_design(MICHAELIS, inputs(np.linspace(0, 5, 20_001)[1:]), 5)
     assert design.proven and design.n_left > 3000 and design.nodes < 100
     assert design.of_weights == pytest.approx((6 / 6.25) ** 0.5, abs=1e-4)
 
@@ -211,7 +211,7 @@ def test_one_time_determines_the_highest_concentration() -> None:
     peak = float(np.log(4.298 / 0.05884) / (4.298 - 0.05884))
     of = "c*(exp(-a*log(b/a)/(b - a)) - exp(-b*log(b/a)/(b - a)))"
     times = np.sort(np.append(np.linspace(0.2, 40, 60), peak))
-    design = fp.exact(COMPARTMENT, inputs(times), 4, goal=fp.Goal("c", of=of))
+    design = fp.exact_design(COMPARTMENT, inputs(times), 4, goal=fp.Goal("c", of=of))
     assert design.proven and design.value == pytest.approx(0.25, rel=1e-6)
     np.testing.assert_allclose(design.points.u[:, 0], peak)
     assert fp.criterion(COMPARTMENT, fp.Goal("c", of=of)).value(design.information) == pytest.approx(0.25, rel=1e-6)
@@ -219,26 +219,26 @@ def test_one_time_determines_the_highest_concentration() -> None:
 
 def test_the_prior_is_added_once() -> None:
     problem = QUADRATIC.replace(noise_std={"y": 3.0})
-    design = fp.exact(problem, inputs(GRID), 3, goal=fp.Goal(prior_information=True))
+    design = fp.exact_design(problem, inputs(GRID), 3, goal=fp.Goal(prior_information=True))
     assert design.proven
     rows = rows_of_quadratic(GRID) / 3.0
     every = np.eye(6) + np.einsum("dk,ki,kj->dij", every_design(9, 3).astype(float), rows, rows)
     assert design.value == pytest.approx(np.linalg.slogdet(every)[1].max(), abs=1e-9)
     with pytest.raises(ValueError, match=r"^n_experiments: expected enough to determine criterion 'D', given 3"):
-        fp.exact(problem, inputs(GRID), 3)
+        fp.exact_design(problem, inputs(GRID), 3)
 
 
 def test_what_stops_the_search_is_told_with_what_is_proven_until_then() -> None:
-    stopped = fp.exact(QUADRATIC, inputs(GRID), 8, max_nodes=2)
+    stopped = fp.exact_design(QUADRATIC, inputs(GRID), 8, max_nodes=2)
     assert stopped.stop_reason == "max_nodes" and stopped.nodes == 2 and not stopped.proven
     assert 0.95 < stopped.efficiency < 1 - 1e-4 and stopped.efficiency >= stopped.of_weights - 1e-9
     assert "at least" in repr(stopped) and "the limit of nodes" in str(stopped)
     assert "there may be one with up to" in " ".join(str(stopped).split())
-    late = fp.exact(QUADRATIC, inputs(GRID), 8, time_limit=1e-6)
+    late = fp.exact_design(QUADRATIC, inputs(GRID), 8, time_limit=1e-6)
     assert late.stop_reason == "time_limit" and late.efficiency > 0.9
-    done = fp.exact(QUADRATIC, inputs(GRID), 8)
+    done = fp.exact_design(QUADRATIC, inputs(GRID), 8)
     assert "proven D-optimal among 9 candidates, to 1e-6" in repr(done) and "there may be" not in str(done)
-    assert fp.exact(QUADRATIC, inputs(GRID), 8, gap=0.1).nodes <= 1
+    assert fp.exact_design(QUADRATIC, inputs(GRID), 8, gap=0.1).nodes <= 1
     assert "too many" in str(replace(stopped, stop_reason=fp.StopReason.too_many_candidates))
 
     def interrupt(progress: fp.Progress) -> None:
@@ -247,7 +247,7 @@ def test_what_stops_the_search_is_told_with_what_is_proven_until_then() -> None:
         assert progress.step == 1 and 0 < (progress.value or 0) <= 1 and progress.seconds > 0 and " open" in progress.message
         raise KeyboardInterrupt
 
-    interrupted = fp.exact(QUADRATIC, inputs(GRID), 8, progress=interrupt)
+    interrupted = fp.exact_design(QUADRATIC, inputs(GRID), 8, progress=interrupt)
     assert interrupted.stop_reason == "interrupted" and 0.9 < interrupted.efficiency < 1
     assert interrupted.value == pytest.approx(done.value)
 
@@ -255,22 +255,22 @@ def test_what_stops_the_search_is_told_with_what_is_proven_until_then() -> None:
 def test_copies_and_points_that_are_none_are_left_out() -> None:
     square = fp.ExperimentRegion({"a": (-1, 1), "b": (-1, 1)}, ["a + b < 3"])
     twice = np.concatenate([GRID, GRID, [[2.0, 2.0]]])
-    design = fp.exact(QUADRATIC.replace(region=square), inputs(twice), 7)
+    design = fp.exact_design(QUADRATIC.replace(region=square), inputs(twice), 7)
     assert design.proven and design.n_candidates == 18 and design.n_left <= 9 and sum(design.left_out.values()) == 1
-    assert design.value == pytest.approx(fp.exact(QUADRATIC, inputs(GRID), 7).value)
+    assert design.value == pytest.approx(fp.exact_design(QUADRATIC, inputs(GRID), 7).value)
 
 
 def test_misuse_is_told() -> None:
     grid = inputs(GRID)
     with pytest.raises(ValueError, match=r"^goal: expected one without criterion 'ME' for fisherpoint\.exact"):
-        fp.exact(QUADRATIC, grid, 6, goal="ME")
+        fp.exact_design(QUADRATIC, grid, 6, goal="ME")
     with pytest.raises(ValueError, match=r"^output_covariance: expected 'noise'"):
-        fp.exact(MICHAELIS.replace(output_covariance="pooled"), inputs([1.0]), 2)
+        fp.exact_design(MICHAELIS.replace(output_covariance="pooled"), inputs([1.0]), 2)
     with pytest.raises(ValueError, match=r"^gap: expected a share between"):
-        fp.exact(QUADRATIC, grid, 6, gap=0.9)
+        fp.exact_design(QUADRATIC, grid, 6, gap=0.9)
     with pytest.raises(ValueError, match=r"^candidates: expected valid points, given none"):
-        fp.exact(QUADRATIC, inputs(np.empty((0, 2))), 6)
+        fp.exact_design(QUADRATIC, inputs(np.empty((0, 2))), 6)
     with pytest.raises(TypeError, match=r"^candidates: expected Experiments"):
-        fp.exact(QUADRATIC, GRID, 6)  # type: ignore[arg-type]
+        fp.exact_design(QUADRATIC, GRID, 6)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"^n_experiments: expected enough"):
-        fp.exact(QUADRATIC, grid, 5)
+        fp.exact_design(QUADRATIC, grid, 5)

@@ -109,10 +109,10 @@ def test_a_poor_design_is_not_said_to_be_good(name: str) -> None:
 
 @pytest.mark.parametrize("name", ("Ds", "A", "c", "I", "E"))
 def test_the_bound_is_that_of_the_best_weights(name: str) -> None:
-    """Of the nine settings, which `fp.approximate` finds by another program."""
+    """Of the nine settings, which `fp.approximate_design` finds by another program."""
     given, goal = known_problem(quadratic, ZERO, SQUARE), of_quadratic(name)
     design = fp.exchange(given, 9, goal=goal, **QUICK)
-    weights = fp.approximate(given, fp.Experiments(np.zeros((9, 0)), GRID), goal=goal)
+    weights = fp.approximate_design(given, fp.Experiments(np.zeros((9, 0)), GRID), goal=goal)
     assert design.efficiency is not None and design.efficiency.at_least is not None
     assert design.efficiency.at_least == pytest.approx(weights.efficiency_of(design), abs=4e-3)
 
@@ -128,7 +128,7 @@ def test_over_the_prior_it_is_the_mean_of_the_logarithms(name: str) -> None:
     values = []
     for one in scenarios:
         there = given.replace(prior=fp.GaussianPrior(mean | one, std=dict(given.prior.std)))
-        f = fp.evaluate_design(there, design.points).fisher
+        f = fp.evaluate(there, design.points).fisher
         values.append(fp.criterion(there, goal).log_phi(f))
     assert design.scenarios is not None and design.efficiency is not None
     assert design.scenarios.value == pytest.approx(np.mean(values), abs=1e-9)
@@ -214,7 +214,7 @@ def test_previous_and_kept_points_count() -> None:
     given, before = growth(), at(1, 2, 3, 4, 5, 7.0)
 
     def trace(t: float) -> float:
-        f = fp.evaluate_design(given, fp.Experiments.join([before, at(t)])).information
+        f = fp.evaluate(given, fp.Experiments.join([before, at(t)])).information
         return float(np.trace(np.linalg.solve(f, np.eye(2))))
 
     best = min(trace(t) for t in np.linspace(0.01, 10, 500))
@@ -328,4 +328,4 @@ def test_a_campaign_designs_its_batches_by_the_criterion() -> None:
     batch = campaign.next()
     alone = fp.exchange(given, 3, goal=fp.Goal("c", of="V / K"), max_iterations=200, method=fp.ExchangeMethod(references=False))
     value = fp.criterion(given, fp.Goal("c", of="V / K")).value
-    assert value(fp.evaluate_design(given, batch).information) < 1.1 * alone.value
+    assert value(fp.evaluate(given, batch).information) < 1.1 * alone.value

@@ -122,7 +122,7 @@ def test_the_drive_gain_of_the_axis_cannot_be_known() -> None:
     std = {name: 0.1 * abs(value) for name, value in mean.items()}
     prior = fp.GaussianPrior(mean=mean, std=std)
     given = fp.DesignProblem(problem.model.estimate("g"), prior, None, noise_std=problem.noise_std)
-    evaluation = fp.evaluate_design(given, points)
+    evaluation = fp.evaluate(given, points)
     assert evaluation.rank == 4
     (direction,) = evaluation.null_directions  # in prior std, which are in proportion to the means
     shares = [direction[name] * np.sign(mean[name]) for name in mean]

@@ -45,7 +45,7 @@ def test_phi_never_falls(kind: str, noise: bool, seed: int) -> None:
     assert [record.iteration for record in design.trace] == list(range(13))
     assert not design.trace[0].exchanged
     # The trace is what an evaluation from scratch says of the points; predictive covariances do not depend on the call.
-    assert fp.evaluate_design(given, design.points).log_det == pytest.approx(log_dets[-1], abs=1e-9)
+    assert fp.evaluate(given, design.points).log_det == pytest.approx(log_dets[-1], abs=1e-9)
     assert design.evaluation.log_det == pytest.approx(log_dets[-1], abs=1e-9)
     assert len(design.points) == 9 and design.stop_reason == "max_iterations"
 
@@ -83,7 +83,7 @@ def test_a_design_beats_random_ones(kind: str) -> None:
     given = problem(output_covariance=kind)
     design = fp.exchange(given, n_experiments=9, n_candidates=20, max_iterations=40, method=fp.ExchangeMethod(references=False))
     source = CandidateSource(given, np.random.default_rng(99), threads=1)
-    random = [fp.evaluate_design(given, source.draw_confirmed(9).points).log_det for _ in range(20)]
+    random = [fp.evaluate(given, source.draw_confirmed(9).points).log_det for _ in range(20)]
     assert design.evaluation.log_det > max(random)
 
 
@@ -308,17 +308,17 @@ def test_settings_are_kept() -> None:
 
 
 def test_the_median_random_design_hardly_hangs_on_the_seed() -> None:
-    given = problem(rule=fp.Linearized(), output_covariance="noise")
+    given = problem(rule=fp.LinearizedRule(), output_covariance="noise")
     medians = np.array([median_of(random_designs(given, 9, seed, 1)) for seed in range(8)], dtype=float)
     assert np.exp(np.ptp(medians) / 9) < 1.1
 
 
 def test_random_designs_share_no_point() -> None:
     """So that their log dets scatter as if each had been drawn alone."""
-    given = problem(rule=fp.Linearized(), output_covariance="noise")
+    given = problem(rule=fp.LinearizedRule(), output_covariance="noise")
     found = random_designs(given, 9, 0, 1)
     source = CandidateSource(given, np.random.default_rng(5), 1)
-    alone = [fp.evaluate_design(given, source.draw(9).points).log_det for _ in range(200)]
+    alone = [fp.evaluate(given, source.draw(9).points).log_det for _ in range(200)]
     assert np.std(found) == pytest.approx(np.std(alone), rel=0.2)
     assert np.median(found) == pytest.approx(np.median(alone), abs=9 * 0.1)
     assert len(np.unique(found)) == len(found)
@@ -331,7 +331,7 @@ def test_there_is_no_median_where_about_half_are_singular(share: float, median: 
 
 
 def test_the_time_limit_holds_for_random_designs_too() -> None:
-    given = problem(rule=fp.Linearized(), output_covariance="noise")
+    given = problem(rule=fp.LinearizedRule(), output_covariance="noise")
     assert 0 < len(random_designs(given, 9, 0, 1, time_limit=1e-9)) < len(random_designs(given, 9, 0, 1))
 
 

@@ -254,6 +254,6 @@ def test_the_information_is_the_sum_of_which_an_evaluation_has_a_share() -> None
     fit = fp.estimate(line, fp.Measurements(points, 1 + 1.1 * u), prior, noise_std={"y": 0.1})
     rows = np.stack([np.ones(4), u], axis=1) * [0.3, 0.2] / 0.1
     np.testing.assert_allclose(fit.information, rows.T @ rows + np.eye(2), rtol=1e-12)
-    evaluation = fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 0.1}), points)
+    evaluation = fp.evaluate(fp.DesignProblem(line, prior, None, noise_std={"y": 0.1}), points)
     np.testing.assert_allclose(fit.information - np.eye(2), evaluation.information, rtol=1e-9)
     assert fit.to_dict()["information"] == fit.information.tolist()

@@ -51,7 +51,7 @@ EXAMPLES = {
     "over": Goal(over=fp.OverPrior("log")),
     "prior_information": Goal(prior_information=True),
 }
-REFUSED = {"sweep": 1, "approximate": 3, "exact": 4, "best_pieces": 5}
+REFUSED = {"sweep": 1, "approximate": 3, "exact": 4, "design_pieces": 5}
 
 
 @pytest.mark.parametrize("search", UNABLE)
@@ -76,7 +76,7 @@ def test_searches_refuse_what_they_cannot_have_in_one_way(search: str) -> None:
     ],
 )
 def test_files_give_it_back(goal: Goal) -> None:
-    for settings in (fp.ExchangeSettings(goal=goal), fp.RunSettings(goal=goal)):
+    for settings in (fp.results.ExchangeSettings(goal=goal), fp.results.RunSettings(goal=goal)):
         data = settings_json(settings)
         assert read_settings(data) == settings
         ((_, content),) = data.items()
@@ -86,9 +86,9 @@ def test_files_give_it_back(goal: Goal) -> None:
 
 
 def test_runs_have_a_confidence_unless_the_goal_says_none() -> None:
-    assert fp.RunSettings().goal.confidence == 0.99
-    assert fp.RunSettings(goal=Goal(confidence=0.0)).goal.share_of_plants is None
-    assert fp.ExchangeSettings().goal.share_of_plants is None
+    assert fp.results.RunSettings().goal.confidence == 0.99
+    assert fp.results.RunSettings(goal=Goal(confidence=0.0)).goal.share_of_plants is None
+    assert fp.results.ExchangeSettings().goal.share_of_plants is None
 
 
 def test_words_name_what_is_maximised() -> None:

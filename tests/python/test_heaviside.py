@@ -24,7 +24,7 @@ def model_of(rate: Any) -> fp.SymbolicModel:
     ("rate", "at_zero"),
     [
         ("heaviside(u)", 0.0),
-        (fp.heaviside(U), 0.0),
+        (fp.math.heaviside(U), 0.0),
         (sympy.Heaviside(U, 0), 0.0),
         (sympy.Heaviside(U, 0.0), 0.0),
         (sympy.Heaviside(U, 1), 1.0),

@@ -133,13 +133,13 @@ JUMPING = fp.DesignProblem(
     jumps="exclude",
 )
 DRAWN: dict[str, Callable[[], Any]] = {
-    "windows": lambda: fp.best_pieces(problem(), fp.pieces(RECORD, MODEL, length=5), 4),
+    "windows": lambda: fp.design_pieces(problem(), fp.pieces(RECORD, MODEL, length=5), 4),
     "feasibility": lambda: fp.feasibility(
         JUMPING, fp.Experiments([[1.5], [0.9], [2.0]], np.empty((3, 0)), [0.3, 0.1, 0.4]), draws=200
     ),
     "all can run it": lambda: fp.feasibility(problem(), points(), draws=50),
     "identifiability": lambda: fp.identifiability(MODEL, problem().prior, problem().region),
-    "rules": lambda: fp.compare_rules(problem(), points(3), [fp.Linearized(), fp.Unscented(), fp.SparseGaussHermite(2)]),
+    "rules": lambda: fp.compare_rules(problem(), points(3), [fp.LinearizedRule(), fp.Unscented(), fp.SparseGaussHermite(2)]),
 }
 
 

@@ -25,7 +25,7 @@ def test_they_are_the_first_points_and_count(kind: str, method: str) -> None:
     assert len(design.points) == 12 and design.n_kept == 5 and design.n_previous == 0
     np.testing.assert_array_equal(design.points.table[:5], keep.table)
     # F is that of all twelve.
-    assert design.evaluation.log_det == pytest.approx(fp.evaluate_design(given, design.points).log_det, rel=1e-9)
+    assert design.evaluation.log_det == pytest.approx(fp.evaluate(given, design.points).log_det, rel=1e-9)
     efficiency = design.efficiency
     assert efficiency is not None and efficiency.at_least is not None and 0 < efficiency.at_least <= 1
 
@@ -38,13 +38,13 @@ def test_the_others_are_chosen_beside_them() -> None:
     ]
     design = fp.exchange(problem(), 13, keep=keep, **QUICK | {"max_iterations": 40}, method=fp.ExchangeMethod(references=False))
     blind = fp.exchange(problem(), 5, **QUICK | {"max_iterations": 40}, method=fp.ExchangeMethod(references=False)).points
-    assert design.evaluation.log_det > fp.evaluate_design(problem(), fp.Experiments.join([keep, blind])).log_det
+    assert design.evaluation.log_det > fp.evaluate(problem(), fp.Experiments.join([keep, blind])).log_det
 
 
 def test_with_previous_points_both_count() -> None:
     design = fp.exchange(problem(), 8, keep=POINTS[:3], previous=POINTS[3:7], **QUICK)
     assert (design.n_previous, design.n_kept, len(design.points)) == (4, 3, 8)
-    together = fp.evaluate_design(problem(), design.points, previous=POINTS[3:7])
+    together = fp.evaluate(problem(), design.points, previous=POINTS[3:7])
     assert design.evaluation.log_det == pytest.approx(together.log_det, rel=1e-9)
 
 

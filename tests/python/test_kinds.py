@@ -92,7 +92,7 @@ def test_what_a_search_finds_is_worth_what_differences_say(chain: Chain, design:
     for point in rows:
         fisher = differences(chain, point.x0[0], point.u[0], point.dt)
         if fisher is not None:
-            found = fp.evaluate_design(chain.problem, point)
+            found = fp.evaluate(chain.problem, point)
             assert same(found.information, fisher, chain.std), (found.information, fisher)
             compared += 1
     assert compared

@@ -59,7 +59,7 @@ def linear(x, u, p):  # type: ignore[no-untyped-def]
 
 def level(z):  # type: ignore[no-untyped-def]
     """A factor with three settings, -1, 0 and 1."""
-    return fp.where(z > 1 / 3, 1, fp.where(z < -1 / 3, -1, 0))
+    return fp.math.where(z > 1 / 3, 1, fp.math.where(z < -1 / 3, -1, 0))
 
 
 QUADRATIC = {f"c_{i}": "1" for i in range(6)}
@@ -137,7 +137,7 @@ def test_the_next_point_of_a_growth_curve() -> None:
 
     def evaluated(t: float) -> fp.Evaluation:
         dt = np.append(times, t)
-        return fp.evaluate_design(given, fp.Experiments(np.zeros((7, 1)), np.zeros((7, 0)), dt))
+        return fp.evaluate(given, fp.Experiments(np.zeros((7, 1)), np.zeros((7, 0)), dt))
 
     def log_det_f(t: float) -> float:
         """Of the sum of the points, not their mean."""

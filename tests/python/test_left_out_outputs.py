@@ -12,7 +12,7 @@ import fisherpoint as fp
 from fisherpoint.design.configuration import ConfigError, load_config
 from fisherpoint.design.pictures import PLOTS
 from fisherpoint.design.plots import plots_of
-from fisherpoint.information.evaluate import evaluate_design
+from fisherpoint.information.evaluate import evaluate
 from fisherpoint_command.cli import main
 
 MEAN = {"k": 1.0, "b": 0.5, "c": 0.3}
@@ -87,16 +87,16 @@ def test_designs_over_the_prior(over: str) -> None:
 def test_designs_of_runs(options: dict[str, Any]) -> None:
     one, other = (fp.design_runs(problem, 2, seed=1, n_starts=1, n_candidates=10, threads=1) for problem in both(RUNS, **options))
     assert one.log_det == pytest.approx(other.log_det, rel=1e-6)
-    evaluated = [evaluate_design(problem, one.runs) for problem in both(RUNS, **options)]
+    evaluated = [evaluate(problem, one.runs) for problem in both(RUNS, **options)]
     same(*evaluated)
 
 
 def test_weights_exact_designs_and_sweeps() -> None:
     first, second = both(REGION)
-    one, other = (fp.approximate(problem, threads=1) for problem in (first, second))
+    one, other = (fp.approximate_design(problem, threads=1) for problem in (first, second))
     assert one.value == pytest.approx(other.value, abs=1e-4)
     candidates = fp.exchange(second, 12, seed=3, **QUICK).points
-    one, other = (fp.exact(problem, candidates, 5) for problem in (first, second))
+    one, other = (fp.exact_design(problem, candidates, 5) for problem in (first, second))
     assert one.points == other.points
     one, other = (fp.sweep(problem, [4, 6], **QUICK) for problem in (first, second))
     assert [step.evaluation.log_det for step in one.designs] == pytest.approx([step.evaluation.log_det for step in other.designs])
@@ -124,12 +124,12 @@ def test_pieces() -> None:
     designs = []
     for problem, part in zip(both(None, initial_state_std={"a": 0.05}), (record, few), strict=True):
         some = fp.pieces(part, problem.model, length=10, states={"a": a})
-        designs.append(fp.best_pieces(problem, some, 3, threads=1))
+        designs.append(fp.design_pieces(problem, some, 3, threads=1))
     assert designs[0].windows.tolist() == designs[1].windows.tolist()
     assert designs[0].evaluation.log_det == pytest.approx(designs[1].evaluation.log_det, rel=1e-9)
     bad = fp.DesignProblem(ALL, PRIOR, None, noise_std={"y1": 0.01}, initial_state_std={"a": 0.05})
     with pytest.raises(ValueError, match="initial_state_std: expected a standard deviation of 'z', as noise_std has none of 'y3'"):
-        fp.best_pieces(bad, fp.pieces(record, ALL, length=10, states={"a": a}), 3)
+        fp.design_pieces(bad, fp.pieces(record, ALL, length=10, states={"a": a}), 3)
 
 
 def test_fits_leave_out_what_is_not_named() -> None:

@@ -14,7 +14,7 @@ import fisherpoint as fp
 
 @fp.model(states={"x": "m", "v": "m/s"}, inputs={"u": "N"}, parameters={"k": "N/m", "d": "N s/m"}, outputs={"x": "m"})
 def oscillator(x, u, p):
-    return [x.v, u.u - p.k * x.x - p.d * fp.max(x.v, 0.1)], [x.x]
+    return [x.v, u.u - p.k * x.x - p.d * fp.math.max(x.v, 0.1)], [x.x]
 
 def points(count):
     random = np.random.default_rng(1)

@@ -47,7 +47,7 @@ def test_runs_of_a_static_model_are_its_points(tmp_path: Path) -> None:
         assert np.array_equal(of_runs.y.ravel()[:5], of_points.y.ravel()[:5]) and of_runs.y[1, 2, 0] == 0.0
         assert of_runs.reached.tolist() == [3, 2] and of_runs.status.tolist() == [0, 0] and of_runs.x.shape == (2, 4, 0)
     assert np.array_equal(of_runs.dy_dtheta.reshape(6, 1, 4)[:5], of_points.dy_dtheta[:5])  # type: ignore[attr-defined]
-    evaluations = [fp.evaluate_design(DOSE, given) for given in (runs, points[:5])]
+    evaluations = [fp.evaluate(DOSE, given) for given in (runs, points[:5])]
     assert evaluations[0].standard_errors == evaluations[1].standard_errors
     runs.to_csv(tmp_path / "runs.csv", dose)
     assert fp.Runs.from_csv(tmp_path / "runs.csv", dose) == runs

@@ -88,8 +88,11 @@ def test_models_from_python_come_back_equal(tmp_path: Path) -> None:
     )
     def model(x, u, p):  # type: ignore[no-untyped-def]
         condition = (x.x > p.k) & ~(x.θ <= 1) | (x.x < -3)
-        f = [fp.where(condition, fp.max(x.x, 0, p.k) / 3, -(fp.abs(x.θ) ** 1.5)), 0.1 * fp.sign(x.x) - p.c / (x.θ - x.x)]
-        return f, [fp.atan2(x.x, x.θ), x.θ], [p.k]
+        f = [
+            fp.math.where(condition, fp.math.max(x.x, 0, p.k) / 3, -(fp.math.abs(x.θ) ** 1.5)),
+            0.1 * fp.math.sign(x.x) - p.c / (x.θ - x.x),
+        ]
+        return f, [fp.math.atan2(x.x, x.θ), x.θ], [p.k]
 
     for one in (model, MODEL, MODEL.symbolic(), MODEL.estimate("T_1", "q_max"), MODEL.fix(p_t=5e5)):
         again = fp.load_model(write(tmp_path / "model.toml", one.to_toml()))

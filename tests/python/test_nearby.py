@@ -52,7 +52,7 @@ def test_growth_is_what_evaluation_at_the_moved_parameters_gives(which: str) -> 
     if which == "cylinder":
         problem = cylinder()
         given = fp.exchange(problem, method=fp.ExchangeMethod("paper", references=False), n_candidates=20, max_iterations=20).points
-    evaluation = fp.evaluate_under_noise(problem, given)
+    evaluation = fp.evaluate(problem, given, output_covariance="noise")
     assert evaluation is not None and evaluation.nearby is not None and evaluation.covariance is not None
     promised, white = errors_by_hand(problem, given, problem.theta)
     np.testing.assert_allclose(promised, list((evaluation.standard_errors or {}).values()), rtol=1e-5)
@@ -90,7 +90,7 @@ def test_a_force_that_friction_just_balances_is_warned_of() -> None:
     ):
         assert part in text, text
     sentence = f"they are at most {nearby.growth['F']:#.3g} times (F) as large: validate before measuring."
-    for report in (evaluation_report(evaluate_points(problem, given)), fp.evaluate_design(problem, given).report()):
+    for report in (evaluation_report(evaluate_points(problem, given)), fp.evaluate(problem, given).report()):
         assert sentence in " ".join(to_text(report).split())
 
 
@@ -102,7 +102,7 @@ def test_it_is_not_warned_of_forces_that_are_well_above_friction() -> None:
 
 
 def test_what_is_not_determined_there_grows_infinitely_and_is_kept(tmp_path: Path) -> None:
-    evaluation = fp.evaluate_design(slider(), points(PUSHED, BALANCED))
+    evaluation = fp.evaluate(slider(), points(PUSHED, BALANCED))
     assert evaluation.nearby is not None and evaluation.nearby.growth["F"] == math.inf
     evaluation.save(tmp_path / "evaluation.json")
     assert fp.Evaluation.load(tmp_path / "evaluation.json").nearby == evaluation.nearby
@@ -152,8 +152,8 @@ def test_the_cylinder_is_silent() -> None:
 
 
 def test_only_the_sensor_noise_promises() -> None:
-    assert fp.evaluate_design(cylinder(output_covariance="pooled"), points_of_cylinder()).nearby is None
-    assert fp.evaluate_design(slider(), points(PUSHED)).nearby is None  # singular
+    assert fp.evaluate(cylinder(output_covariance="pooled"), points_of_cylinder()).nearby is None
+    assert fp.evaluate(slider(), points(PUSHED)).nearby is None  # singular
 
 
 def points_of_cylinder() -> fp.Experiments:
@@ -174,7 +174,7 @@ def test_points_without_a_trajectory_there_are_counted_and_told() -> None:
 
 def test_previous_points_count_and_are_told_apart() -> None:
     problem, previous = slider(), points(BALANCED)
-    evaluation = fp.evaluate_design(problem, points(BRAKING, PUSHED), previous=previous)
+    evaluation = fp.evaluate(problem, points(BRAKING, PUSHED), previous=previous)
     assert evaluation.nearby is not None and evaluation.nearby.points == (0,) and evaluation.nearby.broken
     far = slider(region=fp.ExperimentRegion({"v": (0.0, 0.0), "f": (4.0, 5.0), "dt": (0.1, 0.2)}))
     design = fp.exchange(far, 2, n_candidates=5, max_iterations=2, method=fp.ExchangeMethod(references=False), previous=previous)

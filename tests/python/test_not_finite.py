@@ -28,7 +28,7 @@ def model(kind: str) -> fp.Model:
 
 
 PRIOR = fp.GaussianPrior({"p": 1.0, "q": 1.0}, std={"p": STD, "q": 0.1})
-RULES = (fp.Linearized(), fp.SparseGaussHermite(2), fp.TensorGrid())
+RULES = (fp.LinearizedRule(), fp.SparseGaussHermite(2), fp.TensorGrid())
 
 
 def problem(**changes: Any) -> fp.DesignProblem:
@@ -37,7 +37,7 @@ def problem(**changes: Any) -> fp.DesignProblem:
         "prior": PRIOR,
         "region": fp.ExperimentRegion({"u": (0.0, 1.0)}),
         "noise_std": {"y": 0.1, "z": 0.1},
-        "rule": fp.Linearized(),
+        "rule": fp.LinearizedRule(),
     }
     return fp.DesignProblem(**arguments | changes)
 
@@ -73,7 +73,7 @@ def test_points_that_overflow_are_counted_and_are_in_no_design(kind: str, rule: 
     """With every u but the smallest, an output overflows."""
     given = problem(rule=rule, output_covariance=kind)
     design = worded(lambda: fp.exchange(given, 4, n_candidates=10, max_iterations=8, method=fp.ExchangeMethod(local=1.0)))
-    evaluated = worded(lambda: fp.evaluate_design(given, POINTS))
+    evaluated = worded(lambda: fp.evaluate(given, POINTS))
     if kind in ("pooled", "pointwise"):
         assert evaluated is None  # a point without a covariance is none
     for evaluation in [design and design.evaluation, evaluated]:
@@ -151,9 +151,9 @@ def test_an_information_that_overflows_is_told() -> None:
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 1e100})
     flat, steep = (fp.Experiments(np.empty((1, 0)), [[u]]) for u in (1e-60, 1e70))
     # What is so far below the noise is none.
-    assert fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 1e100}), flat).rank == 0
+    assert fp.evaluate(fp.DesignProblem(line, prior, None, noise_std={"y": 1e100}), flat).rank == 0
     with pytest.raises(ValueError, match=r"points: expected trajectories that are ok, given points\[0\] \(not_finite\)"):
-        fp.evaluate_design(fp.DesignProblem(line, prior, None, noise_std={"y": 1e-100}), steep)
+        fp.evaluate(fp.DesignProblem(line, prior, None, noise_std={"y": 1e-100}), steep)
 
 
 def test_outputs_that_nearly_depend_on_each_other_are_told_in_words() -> None:
@@ -164,7 +164,7 @@ def test_outputs_that_nearly_depend_on_each_other_are_told_in_words() -> None:
     for kind in KINDS:
         region = fp.ExperimentRegion({"u": (0.5, 4.0)})
         given = fp.DesignProblem(
-            same, prior, region, noise_std={"y": 1e-12, "z": 1e-12}, rule=fp.Linearized(), output_covariance=kind
+            same, prior, region, noise_std={"y": 1e-12, "z": 1e-12}, rule=fp.LinearizedRule(), output_covariance=kind
         )
-        worded(lambda given=given: fp.evaluate_design(given, points))  # type: ignore[misc]
+        worded(lambda given=given: fp.evaluate(given, points))  # type: ignore[misc]
         worded(lambda given=given: fp.exchange(given, 2, n_candidates=5, max_iterations=3))  # type: ignore[misc]

@@ -29,25 +29,25 @@ def problem(names: Sequence[str], rule: fp.Rule, of_prior: Sequence[str] = ("a",
     )
 
 
-RULES = (fp.Linearized(), fp.SparseGaussHermite(2), fp.TensorGrid(), fp.Unscented())
+RULES = (fp.LinearizedRule(), fp.SparseGaussHermite(2), fp.TensorGrid(), fp.Unscented())
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: type(rule).__name__)
 def test_the_order_of_a_models_parameters_changes_no_output_covariance(rule: fp.Rule) -> None:
     """One after the other in one process, which keeps moments and nodes."""
-    expected = fp.evaluate_design(problem(("a", "b", "c"), rule), POINTS).output_covariance
+    expected = fp.evaluate(problem(("a", "b", "c"), rule), POINTS).output_covariance
     spread = np.square(POINTS.u[:, 0]).mean() * rule.variances(prior(("a", "b", "c")).marginal(["a"]))["a"] * 0.25
     np.testing.assert_allclose(expected, [[0.1**2 + spread]], rtol=1e-9)  # the output is linear in a
     for names in itertools.permutations("abc"):
         for of_prior in itertools.permutations("abc"):
-            found = fp.evaluate_design(problem(names, rule, of_prior), POINTS).output_covariance
+            found = fp.evaluate(problem(names, rule, of_prior), POINTS).output_covariance
             np.testing.assert_allclose(found, expected, rtol=1e-9, err_msg=f"{names} {of_prior}")
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: type(rule).__name__)
 def test_the_order_of_a_prior_changes_no_bit(rule: fp.Rule) -> None:
     """Coordinates of correlated parameters follow an order: it is the model's."""
-    results = [fp.evaluate_design(problem("abc", rule, names), POINTS) for names in itertools.permutations("abc")]
+    results = [fp.evaluate(problem("abc", rule, names), POINTS) for names in itertools.permutations("abc")]
     assert len({(result.log_det, result.output_covariance.tobytes()) for result in results}) == 1
     assert problem("abc", rule, "cab").prior.names == ("a", "b", "c")
 

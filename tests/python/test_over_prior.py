@@ -266,7 +266,7 @@ def test_it_is_better_over_the_scenarios_than_the_design_for_the_mean(kind: str)
     average = average_of(kind, np.ones(4), over.share)
     assert average.value(by_hand(design.points)) > average.value(by_hand(plain.points)) + 0.1
     assert design.drawn == design.accepted + sum(design.rejected.values())
-    assert design.evaluation.log_det == pytest.approx(fp.evaluate_design(given, design.points).log_det, abs=1e-9)
+    assert design.evaluation.log_det == pytest.approx(fp.evaluate(given, design.points).log_det, abs=1e-9)
 
 
 def test_points_are_valid_in_every_scenario() -> None:
@@ -336,7 +336,7 @@ def test_scenarios_with_what_is_uncertain() -> None:
     over = fp.OverPrior("log", scenarios=[{}, {"c_L": 4e-9}])
     design = fp.exchange(given, **QUICK | {"max_iterations": 8}, goal=fp.Goal(over=over))
     moved = given.replace(prior=fp.GaussianPrior(dict(given.prior.mean) | {"c_L": 4e-9}, dict(given.prior.std)))
-    expected = [fp.evaluate_design(one, design.points).log_det for one in (given, moved)]
+    expected = [fp.evaluate(one, design.points).log_det for one in (given, moved)]
     assert design.scenarios is not None and design.scenarios.log_dets == pytest.approx(expected, abs=1e-9)
 
 
@@ -375,7 +375,10 @@ def test_what_the_values_say() -> None:
             lambda: fp.OverPrior("log", scenarios=fp.SparseGaussHermite(2)),
             "scenarios: expected a rule whose nodes have positive weights",
         ),
-        (lambda: fp.OverPrior("log", scenarios=fp.Linearized()), "scenarios: expected a rule whose nodes have positive weights"),
+        (
+            lambda: fp.OverPrior("log", scenarios=fp.LinearizedRule()),
+            "scenarios: expected a rule whose nodes have positive weights",
+        ),
         (lambda: fp.OverPrior("log", scenarios=[]), "scenarios: expected a rule, or at least one"),
         (lambda: fp.OverPrior("log", scenarios=8), "scenarios: expected a sequence of mappings of parameters, or a rule, given 8"),
         (lambda: fp.OverPrior("log", scenarios=[1.0]), r"scenarios\[0\]: expected"),

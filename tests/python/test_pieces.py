@@ -67,7 +67,7 @@ def test_a_column_comes_before_an_output() -> None:
     assert isinstance(runs, fp.Runs)
     assert dict(some.measured_by) == {"a": None, "b": "y"} and dict(some.left_out) == {"start not measured": 1}
     assert np.array_equal(runs.x0, np.column_stack([a, record.y[:, 0]])[[0, 40]])
-    design = fp.best_pieces(PROBLEM.replace(initial_state_std={"a": 0.05}), some, 2)
+    design = fp.design_pieces(PROBLEM.replace(initial_state_std={"a": 0.05}), some, 2)
     assert dict(design.problem.initial_state_std or {}) == {"a": 0.05, "b": NOISE["y"]}
 
 
@@ -141,9 +141,9 @@ def test_the_information_of_windows_is_that_of_dense_algebra() -> None:
     y[[4, 5, 17, 31], [0, 1, 0, 1]] = np.nan
     record = fp.Record(record.t, record.u, y)
     problem = PROBLEM.replace(rtol=1e-9)
-    one = fp.best_pieces(problem, fp.pieces(record[:15], MODEL, length=15), 1)
+    one = fp.design_pieces(problem, fp.pieces(record[:15], MODEL, length=15), 1)
     np.testing.assert_allclose(one.evaluation.information, dense_information(record[:15]), rtol=1e-5)
-    three = fp.best_pieces(problem, fp.pieces(record, MODEL, length=15), 3)
+    three = fp.design_pieces(problem, fp.pieces(record, MODEL, length=15), 3)
     parts = [dense_information(record[n : n + 15]) for n in (0, 15, 30)]
     np.testing.assert_allclose(three.evaluation.information, sum(parts), rtol=1e-5)
     assert three.log_det == pytest.approx(float(np.linalg.slogdet(sum(parts))[1]), abs=1e-5)
@@ -226,10 +226,10 @@ def test_the_best_windows_for_gains_are_those_of_all_choices(seed: int, count: i
 def test_a_record_gives_the_best_of_all_choices_of_its_windows() -> None:
     record = logged(130, every=30)
     some = fp.pieces(record, MODEL, length=20, every=10)
-    f = [fp.best_pieces(PROBLEM, fp.pieces(record[n : n + 20], MODEL, length=20), 1).evaluation.information for n in some.first]
+    f = [fp.design_pieces(PROBLEM, fp.pieces(record[n : n + 20], MODEL, length=20), 1).evaluation.information for n in some.first]
     every = choices(Windows(some.first, 20), 3)
     values = np.linalg.slogdet(np.array(f)[every].sum(axis=1))[1]
-    design = fp.best_pieces(PROBLEM, some, 3)
+    design = fp.design_pieces(PROBLEM, some, 3)
     assert chosen(design) == every[np.argmax(values)].tolist() and design.log_det == pytest.approx(values.max(), abs=1e-7)
     assert values.max() <= design.bound + 1e-7 and (design.efficiency or 0) > 0.9
     assert (np.diff(design.first) >= 20).all() and np.array_equal(design.t, record.t[design.first])
@@ -240,7 +240,7 @@ def test_a_record_gives_the_best_of_all_choices_of_its_windows() -> None:
 
 def test_the_choice_is_the_same_with_any_number_of_threads() -> None:
     some = fp.pieces(logged(2000), MODEL, length=20, every=5)
-    one, two = (fp.best_pieces(PROBLEM, some, 10, threads=threads) for threads in (1, 2))
+    one, two = (fp.design_pieces(PROBLEM, some, 10, threads=threads) for threads in (1, 2))
     assert chosen(one) == chosen(two) and one.log_det == two.log_det and one.bound == two.bound
 
 
@@ -273,7 +273,7 @@ def test_estimates_keep_the_promise_and_are_better_than_from_windows_evenly_spre
     for seed in range(12):
         problem, record = pushed(seed)
         some = fp.pieces(record, problem.model, length=40, every=10)
-        design = fp.best_pieces(problem, some, 6)
+        design = fp.design_pieces(problem, some, 6)
         assert (design.versus("spread") or 0) > 1.5 and (design.versus("all") or 0) > 0.4
         spread = some[np.linspace(0, len(some) - 1, 6).round().astype(int)]
         for name, data in (("picked", design.measurements), ("spread", spread)):
@@ -297,18 +297,18 @@ def test_windows_whose_trajectories_fail_are_left_out_and_counted() -> None:
     y[[100, 200, 300], 1] = 0.1, -0.1, 0.03  # the tank runs dry, is less than empty, or may be
     u = record.u.copy()
     u[100:120] = 0.0
-    design = fp.best_pieces(PROBLEM, fp.pieces(fp.Record(record.t, u, y), MODEL, length=20), 5)
+    design = fp.design_pieces(PROBLEM, fp.pieces(fp.Record(record.t, u, y), MODEL, length=20), 5)
     assert dict(design.left_out) == {"starts near a = 0": 1, "left_domain": 2} and not {5, 10, 15} & set(chosen(design))
     assert design.n_windows == 20 and design.n_disjoint == 17
     assert "left out: left_domain" in str(design)
     with pytest.raises(ValueError, match=r"^n_pieces: expected at most the 17 windows that share no sample, given 18$"):
-        fp.best_pieces(PROBLEM, fp.pieces(fp.Record(record.t, u, y), MODEL, length=20), 18)
+        fp.design_pieces(PROBLEM, fp.pieces(fp.Record(record.t, u, y), MODEL, length=20), 18)
 
 
 def test_limits_along_the_way_do_not_count_for_what_was_measured() -> None:
     some = fp.pieces(logged(200), MODEL, length=20)
-    limited = fp.best_pieces(PROBLEM.replace(along=["a < 0.5"]), some, 3)
-    assert not limited.left_out and chosen(limited) == chosen(fp.best_pieces(PROBLEM, some, 3))
+    limited = fp.design_pieces(PROBLEM.replace(along=["a < 0.5"]), some, 3)
+    assert not limited.left_out and chosen(limited) == chosen(fp.design_pieces(PROBLEM, some, 3))
 
 
 def test_what_a_record_leaves_open_is_named() -> None:
@@ -317,8 +317,8 @@ def test_what_a_record_leaves_open_is_named() -> None:
     problem = fp.DesignProblem(model, prior, None, noise_std=NOISE)
     some = fp.pieces(logged(200), model, length=20)
     with pytest.raises(ValueError, match=r"^pieces: expected windows .* given 2 of 3; not determined, in prior std: 1.00 d\. "):
-        fp.best_pieces(problem, some, 3)
-    assert np.isfinite(fp.best_pieces(problem.replace(parameters=["k1", "k2"]), some, 3).log_det)
+        fp.design_pieces(problem, some, 3)
+    assert np.isfinite(fp.design_pieces(problem.replace(parameters=["k1", "k2"]), some, 3).log_det)
 
 
 def test_too_few_windows_say_what_they_leave_open() -> None:
@@ -328,14 +328,14 @@ def test_too_few_windows_say_what_they_leave_open() -> None:
     u = np.repeat([[1.0, 0.0], [1.0, 0.0], [0.0, 2.0], [0.0, 1.0]], 5, axis=0)
     record = fp.Record(np.arange(20.0), u, np.ones((20, 2)))
     problem = fp.DesignProblem(model, fp.GaussianPrior({"a": 1, "b": 1}, {"a": 1, "b": 1}), None, noise_std={"x": 1, "y": 1})
-    one, two = (fp.best_pieces(problem, fp.pieces(record, model, length=5), n) for n in (1, 2))
+    one, two = (fp.design_pieces(problem, fp.pieces(record, model, length=5), n) for n in (1, 2))
     assert one.log_det == -np.inf and one.efficiency is None and np.isnan(one.shares).all()
     assert [dict(null) for null in one.evaluation.null_directions] in ([{"a": 1.0}], [{"b": 1.0}])
     assert "determine 1 of 2 parameters" in str(one) and "singular" in str(one)
     assert one.ridge == 1e-9 and "1e-9 of the information of all windows" in " ".join(str(one).split())
     assert np.isfinite(two.log_det) and 2 in chosen(two)
     with pytest.raises(ValueError, match=r"^n_pieces: .*'error' asks, given 1, which leave open 1.00 [ab], in prior std: pick"):
-        fp.best_pieces(problem, fp.pieces(record, model, length=5), 1, goal=fp.Goal(singular="error"))
+        fp.design_pieces(problem, fp.pieces(record, model, length=5), 1, goal=fp.Goal(singular="error"))
 
 
 def test_an_interrupted_search_gives_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -343,9 +343,9 @@ def test_an_interrupted_search_gives_the_best_so_far(monkeypatch: pytest.MonkeyP
         raise KeyboardInterrupt
 
     some = fp.pieces(logged(400), MODEL, length=20, every=5)
-    whole = fp.best_pieces(PROBLEM, some, 5)
+    whole = fp.design_pieces(PROBLEM, some, 5)
     monkeypatch.setattr(PieceSearch, "_exchange", interrupted)
-    design = fp.best_pieces(PROBLEM, some, 5)
+    design = fp.design_pieces(PROBLEM, some, 5)
     assert design.stop_reason == "interrupted" and "interrupted" in "".join(design.report().warnings)
     assert (np.diff(design.first) >= 20).all() and design.log_det > 0.9 * whole.log_det
 
@@ -354,7 +354,7 @@ def test_a_design_shows_itself_and_comes_back_from_its_file(tmp_path: Path) -> N
     record = logged(400)
     y = record.y.copy()
     y[::7, 0] = np.nan
-    design = fp.best_pieces(PROBLEM, fp.pieces(fp.Record(record.t, record.u, y), MODEL, length=20, every=5), 5)
+    design = fp.design_pieces(PROBLEM, fp.pieces(fp.Record(record.t, record.u, y), MODEL, length=20, every=5), 5)
     design.save(tmp_path / "picked.json")
     for other in (fp.PieceDesign.load(tmp_path / "picked.json"), pickle.loads(pickle.dumps(design))):
         assert str(other) == str(design) and other.measurements == design.measurements and other.bound == design.bound
@@ -381,7 +381,7 @@ def refused() -> dict[str, tuple[Any, str]]:
         return fp.pieces(**({"record": record, "model": MODEL, "length": 20} | changes))
 
     def best(problem: Any = PROBLEM, pieces: Any = some, n: Any = 2) -> fp.PieceDesign:
-        return fp.best_pieces(problem, pieces, n)
+        return fp.design_pieces(problem, pieces, n)
 
     with_column = fp.pieces(record, MODEL, length=20, states={"a": np.ones(100)})
     return {

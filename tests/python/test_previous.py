@@ -47,18 +47,18 @@ def same_information(a: fp.Evaluation, b: fp.Evaluation, rtol: float = 1e-9) -> 
 @pytest.mark.parametrize("kind", KINDS)
 def test_previous_points_count_as_all_others(kind: str, varies: dict[str, float] | None) -> None:
     given = problem(output_covariance=kind, varies=varies)
-    together = fp.evaluate_design(given, POINTS)
+    together = fp.evaluate(given, POINTS)
     for previous in (FIRST, measured(FIRST), [FIRST[:4], measured(FIRST[4:])], (FIRST,)):
-        evaluation = fp.evaluate_design(given, SECOND, previous=previous)
+        evaluation = fp.evaluate(given, SECOND, previous=previous)
         same_information(evaluation, together)
         assert evaluation.standard_errors == pytest.approx(together.standard_errors, rel=1e-6)
         np.testing.assert_allclose(evaluation.output_covariance, together.output_covariance, rtol=1e-9)
 
 
 def test_nothing_previous_is_the_same_to_the_last_bit() -> None:
-    alone = fp.evaluate_design(problem(), POINTS)
+    alone = fp.evaluate(problem(), POINTS)
     for nothing in (None, [], (), POINTS[:0]):
-        assert same_bits(fp.evaluate_design(problem(), POINTS, previous=nothing).fisher, alone.fisher)
+        assert same_bits(fp.evaluate(problem(), POINTS, previous=nothing).fisher, alone.fisher)
     design, other = (fp.exchange(problem(), 9, **QUICK, previous=nothing) for nothing in (None, []))
     assert same_bits(design.points.table, other.points.table) and same_bits(design.evaluation.fisher, other.evaluation.fisher)
     assert (other.n_previous, other.previous_left_out) == (0, {})
@@ -73,7 +73,7 @@ def test_what_was_not_measured_says_nothing(kind: str, varies: dict[str, float] 
     """F is the sum over what was measured, with the rows and columns of D_k that belong to it."""
     given = problem(output_covariance=kind, varies=varies)
     data = measured(FIRST, *MISSING)
-    evaluation = fp.evaluate_design(given, SECOND, previous=data)
+    evaluation = fp.evaluate(given, SECOND, previous=data)
     r = np.diag(np.square(list(NOISE.values())))
     d = np.broadcast_to(r, (len(POINTS), 4, 4)).copy()
     if kind == "region":
@@ -89,12 +89,12 @@ def test_what_was_not_measured_says_nothing(kind: str, varies: dict[str, float] 
     size = np.sqrt(np.outer(np.diag(fisher), np.diag(fisher)))
     np.testing.assert_allclose(evaluation.fisher / size, fisher / size, rtol=0, atol=1e-6)
     assert evaluation.log_det == pytest.approx(np.linalg.slogdet(fisher)[1], abs=1e-4)
-    assert evaluation.log_det < fp.evaluate_design(given, SECOND, previous=FIRST).log_det
+    assert evaluation.log_det < fp.evaluate(given, SECOND, previous=FIRST).log_det
 
 
 def test_one_covariance_for_all_points_needs_all_outputs() -> None:
     with pytest.raises(ValueError, match=r"previous: expected all outputs measured for output_covariance 'pooled', given some"):
-        fp.evaluate_design(problem(output_covariance="pooled"), SECOND, previous=measured(FIRST, *MISSING))
+        fp.evaluate(problem(output_covariance="pooled"), SECOND, previous=measured(FIRST, *MISSING))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -103,11 +103,11 @@ def test_the_search_never_removes_them(kind: str) -> None:
     design = fp.exchange(given, 6, **QUICK, previous=measured(FIRST[:6]))
     assert (len(design.points), design.n_previous, design.previous_left_out) == (6, 6, {})
     assert not {row.tobytes() for row in FIRST.table} & {row.tobytes() for row in design.points.table}
-    again = fp.evaluate_design(given, design.points, previous=FIRST[:6])
+    again = fp.evaluate(given, design.points, previous=FIRST[:6])
     same_information(design.evaluation, again)
     assert design.trace[-1].log_det == design.evaluation.log_det
     assert all(b.log_det >= a.log_det for a, b in zip(design.trace, design.trace[1:], strict=False))
-    under_noise = fp.evaluate_under_noise(given, design.points, previous=FIRST[:6])
+    under_noise = fp.evaluate(given, design.points, previous=FIRST[:6], output_covariance="noise")
     assert design.under_noise is not None and under_noise is not None
     same_information(design.under_noise, under_noise)
 
@@ -126,13 +126,13 @@ def test_six_after_others_are_better_than_random_ones_after_the_same() -> None:
     assert design.efficiency.at_most is not None and design.efficiency.at_most > design.evaluation.log_det
     # Of those that know nothing of the others.
     blind = fp.exchange(given, 6, n_candidates=50, max_iterations=60, method=fp.ExchangeMethod(references=False))
-    assert design.evaluation.log_det > fp.evaluate_design(given, blind.points, previous=known).log_det
+    assert design.evaluation.log_det > fp.evaluate(given, blind.points, previous=known).log_det
 
 
 def test_they_may_determine_what_too_few_new_points_cannot() -> None:
     design = fp.exchange(problem(), 1, **QUICK, method=fp.ExchangeMethod(references=False), previous=FIRST)
     assert design.evaluation.standard_errors is not None
-    before = fp.evaluate_design(problem(), FIRST).standard_errors
+    before = fp.evaluate(problem(), FIRST).standard_errors
     assert before is not None
     assert all(design.evaluation.standard_errors[name] < before[name] for name in before)
 
@@ -140,7 +140,7 @@ def test_they_may_determine_what_too_few_new_points_cannot() -> None:
 def test_a_search_after_points_of_which_an_output_was_never_measured() -> None:
     blind = measured(FIRST, *((k, 1) for k in range(len(FIRST))))
     design = fp.exchange(problem(), 3, **QUICK, method=fp.ExchangeMethod(references=False), previous=blind)
-    same_information(design.evaluation, fp.evaluate_design(problem(), design.points, previous=blind))
+    same_information(design.evaluation, fp.evaluate(problem(), design.points, previous=blind))
 
 
 def test_previous_points_that_are_none_are_counted() -> None:
@@ -149,9 +149,9 @@ def test_previous_points_that_are_none_are_counted() -> None:
     design = fp.exchange(given, 3, **QUICK, method=fp.ExchangeMethod(references=False), previous=[jumping, surface, JUMPS])
     assert design.previous_left_out == {"met_jump": 2, "starts on v = 0": 1}
     assert design.n_previous == len(FIRST)
-    same_information(design.evaluation, fp.evaluate_design(given, design.points, previous=FIRST))
+    same_information(design.evaluation, fp.evaluate(given, design.points, previous=FIRST))
     with pytest.warns(UserWarning, match=r"previous: expected points that are valid at the prior mean, left out met_jump 1"):
-        fp.evaluate_design(given, SECOND, previous=jumping)
+        fp.evaluate(given, SECOND, previous=jumping)
     text = " ".join(str(design).split())
     assert "3 experiment points beside 10 previous ones" in text
     assert "previous points left out met_jump 2, starts on v = 0 1" in text
@@ -162,7 +162,7 @@ def test_a_design_is_its_points_and_remembers_how_many_were_before(tmp_path: Pat
     first = fp.exchange(given, 6, **QUICK, method=fp.ExchangeMethod(references=False))
     second = fp.exchange(given, 5, **QUICK, method=fp.ExchangeMethod(references=False), previous=[first, JUMPS])
     assert second.n_previous == 6
-    same_information(second.evaluation, fp.evaluate_design(given, fp.Experiments.join([first.points, second.points])))
+    same_information(second.evaluation, fp.evaluate(given, fp.Experiments.join([first.points, second.points])))
     second.save(tmp_path)
     loaded = fp.Design.load(tmp_path)
     assert (loaded.n_previous, loaded.previous_left_out) == (6, {"met_jump": 1})
@@ -184,4 +184,4 @@ def test_mistakes(previous: Any, error: type[Exception], expected: str) -> None:
     with pytest.raises(error, match=expected):
         fp.exchange(problem(), 3, **QUICK, previous=previous)
     with pytest.raises(error, match=expected):
-        fp.evaluate_design(problem(), SECOND, previous=previous)
+        fp.evaluate(problem(), SECOND, previous=previous)

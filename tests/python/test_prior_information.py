@@ -46,7 +46,7 @@ def at(table: np.ndarray) -> fp.Experiments:
 
 def test_it_counts_once_beside_the_sum_over_the_points() -> None:
     table = GRID[[0, 2, 4, 7]]
-    found = fp.evaluate_design(problem(), at(table), prior_information=True)
+    found = fp.evaluate(problem(), at(table), prior_information=True)
     own, std = rows(table), np.sqrt(np.diag(correlated()))
     precision = own.T @ own + np.linalg.solve(correlated(), np.eye(6))
     assert found.information == pytest.approx(precision * np.outer(std, std), rel=1e-10)
@@ -58,12 +58,12 @@ def test_it_counts_once_beside_the_sum_over_the_points() -> None:
 
 
 def test_the_errors_of_the_data_alone_stand_beside_them() -> None:
-    enough = fp.evaluate_design(problem(), at(GRID), prior_information=True)
-    alone = fp.evaluate_design(problem(), at(GRID))
+    enough = fp.evaluate(problem(), at(GRID), prior_information=True)
+    alone = fp.evaluate(problem(), at(GRID))
     assert alone.without_prior is None
     assert dict(enough.without_prior) == pytest.approx(dict(alone.standard_errors), rel=1e-9)
     line = at(GRID[GRID[:, 1] == 0.0])  # c_0, and of the first factor, can be known there; what has b in it cannot
-    some = fp.evaluate_design(problem(), line, prior_information=True)
+    some = fp.evaluate(problem(), line, prior_information=True)
     names = list(problem().estimated)
     open_ = [name for name in names if np.isinf(some.without_prior[name])]
     assert open_ == [names[k] for k in (2, 4, 5)]
@@ -74,7 +74,7 @@ def test_the_errors_of_the_data_alone_stand_beside_them() -> None:
 def test_of_some_parameters_it_is_that_of_their_own_covariance() -> None:
     """As the estimate takes it: the others are at their means, and nothing is known better for that."""
     given = problem(["c_1", "c_2"])
-    found = fp.evaluate_design(given, at(GRID[:1]), prior_information=True)
+    found = fp.evaluate(given, at(GRID[:1]), prior_information=True)
     own, part = rows(GRID[:1])[:, 1:3], correlated()[1:3, 1:3]
     errors = np.sqrt(np.diag(np.linalg.solve(own.T @ own + np.linalg.solve(part, np.eye(2)), np.eye(2))))
     assert list(found.standard_errors.values()) == pytest.approx(errors.tolist(), rel=1e-10)
@@ -91,7 +91,7 @@ def test_of_some_parameters_it_is_that_of_their_own_covariance() -> None:
 
 def test_it_is_only_for_the_sensor_noise() -> None:
     with pytest.raises(ValueError, match=r"prior_information: expected output_covariance 'noise', .* given 'pooled'"):
-        fp.evaluate_design(problem().replace(output_covariance="pooled"), at(GRID), prior_information=True)
+        fp.evaluate(problem().replace(output_covariance="pooled"), at(GRID), prior_information=True)
     for changed, options in (({"output_covariance": "pooled"}, {}), ({}, {"method": "paper"})):
         with pytest.raises(ValueError, match='prior_information: expected method = "auto"'):
             fp.exchange(problem().replace(**changed), 4, goal=fp.Goal(prior_information=True), **options)
@@ -124,7 +124,7 @@ def test_designs_are_the_best_of_all(count: int, name: str) -> None:
 
 def test_the_bound_is_that_of_the_best_weights() -> None:
     design = fp.exchange(problem(), 4, goal=fp.Goal(prior_information=True), **QUICK)
-    weights = fp.approximate(problem(), at(GRID), goal=fp.Goal(prior_information=True), n_experiments=4)
+    weights = fp.approximate_design(problem(), at(GRID), goal=fp.Goal(prior_information=True), n_experiments=4)
     assert design.efficiency.at_least == pytest.approx(weights.efficiency_of(design), abs=4e-3)
 
 
@@ -153,7 +153,7 @@ def test_beside_previous_points_and_over_scenarios() -> None:
     before, scenarios = at(GRID[:2]), [{}, {"c_3": 2.0}]
     over = fp.OverPrior("worst", scenarios=scenarios)
     design = fp.exchange(problem(), 3, goal=fp.Goal(prior_information=True, over=over), previous=before, **QUICK)
-    together = fp.evaluate_design(problem(), design.points, previous=before, prior_information=True)
+    together = fp.evaluate(problem(), design.points, previous=before, prior_information=True)
     assert design.evaluation.log_det == pytest.approx(together.log_det, abs=1e-12)
     assert design.evaluation.n_points == 5
     assert design.scenarios.value == pytest.approx(together.log_det, abs=1e-9)  # the model is linear: all scenarios are the same

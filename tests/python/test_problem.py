@@ -45,10 +45,10 @@ def test_one_that_was_told_is_refused_where_it_does_not_fit() -> None:
 def test_parameters_that_were_not_told_are_all_of_the_model() -> None:
     more = MODEL.estimate("T_1")
     prior = fp.GaussianPrior(more.nominal, relative_std=dict.fromkeys(more.nominal, 0.1))
-    change: dict[str, Any] = {"model": more, "prior": prior, "rule": fp.Linearized()}
-    for given in copies(problem(rule=fp.Linearized())):
+    change: dict[str, Any] = {"model": more, "prior": prior, "rule": fp.LinearizedRule()}
+    for given in copies(problem(rule=fp.LinearizedRule())):
         assert given.replace(**change).estimated == (*given.estimated, "T_1")
-    for given in copies(problem(rule=fp.Linearized(), parameters=["m_q", "B_v"])):
+    for given in copies(problem(rule=fp.LinearizedRule(), parameters=["m_q", "B_v"])):
         assert given.replace(**change).estimated == ("m_q", "B_v")
 
 

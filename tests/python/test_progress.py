@@ -69,12 +69,15 @@ WORKS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "validate": (lambda progress: fp.validate(problem(), points(), runs=30, progress=progress), "virtual experiments"),
     "estimate": (lambda progress: fp.estimate(MODEL, data(), problem().prior, progress=progress), "estimating"),
     "estimate the noise": (lambda progress: fp.estimate(MODEL, data(), start=THETA, progress=progress), "estimating"),
-    "approximate": (lambda progress: fp.approximate(problem(), n_candidates=50, starts=20, progress=progress), "approximate"),
-    "approximate among points": (lambda progress: fp.approximate(problem(), points(), progress=progress), "approximate"),
-    "exact": (lambda progress: fp.exact(problem(), candidates(), 7, goal="A", progress=progress), "nodes"),
+    "approximate": (
+        lambda progress: fp.approximate_design(problem(), n_candidates=50, starts=20, progress=progress),
+        "approximate",
+    ),
+    "approximate among points": (lambda progress: fp.approximate_design(problem(), points(), progress=progress), "approximate"),
+    "exact": (lambda progress: fp.exact_design(problem(), candidates(), 7, goal="A", progress=progress), "nodes"),
     "compare": (lambda progress: fp.compare(problem(), [points(), points()], draws=20, progress=progress), "comparing designs"),
     "Fit.profile": (lambda progress: fit().profile("k", progress=progress), "profile of k"),
-    "best_pieces": (lambda progress: fp.best_pieces(problem(), log(), 2, progress=progress), "picking pieces"),
+    "design_pieces": (lambda progress: fp.design_pieces(problem(), log(), 2, progress=progress), "picking pieces"),
     "Campaign.next": (lambda progress: campaign().next(progress=progress), "iteration"),
     "Campaign.tell": (lambda progress: campaign().tell(data(), progress=progress), "estimating"),
 }
@@ -144,16 +147,16 @@ def test_a_profile_counts_its_values() -> None:
 
 def test_pieces_count_their_exchanges() -> None:
     heard: list[fp.Progress] = []
-    found = fp.best_pieces(problem(), log(), 2, progress=heard.append)
+    found = fp.design_pieces(problem(), log(), 2, progress=heard.append)
     assert [now.step for now in heard] == list(range(found.exchanges + 1))
     assert heard[-1].value == pytest.approx(found.log_det - found.bound, abs=1e-6)
 
 
 def test_an_approximate_design_says_what_it_does() -> None:
     heard: list[fp.Progress] = []
-    found = fp.approximate(problem(), n_candidates=50, starts=20, progress=heard.append)
+    found = fp.approximate_design(problem(), n_candidates=50, starts=20, progress=heard.append)
     assert {now.message.split(",")[0] for now in heard} == {"searching", "weighing"} and all(now.step > 0 for now in heard)
-    assert found.value == fp.approximate(problem(), n_candidates=50, starts=20).value
+    assert found.value == fp.approximate_design(problem(), n_candidates=50, starts=20).value
 
 
 def test_without_rich_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ def log_dets(problem: fp.DesignProblem, runs: fp.Runs, plants: Any) -> np.ndarra
     found = []
     for plant in plants:
         there = problem.replace(prior=fp.GaussianPrior(plant, dict(problem.prior.std)))
-        f = fp.evaluate_design(there, runs).information
+        f = fp.evaluate(there, runs).information
         found.append(np.linalg.slogdet(f)[1] - 2 * np.log(problem.std).sum())
     return np.array(found)
 
@@ -62,7 +62,7 @@ def test_the_certificate_of_three_exponentials() -> None:
     model = fp.SymbolicModel(f=[], g=[" + ".join(terms)], states={}, inputs={"t": "s"}, outputs={"y": "1"}, parameters=units)
     prior = fp.GaussianPrior(mean, {name: 0.1 * value for name, value in mean.items()})
     problem = fp.DesignProblem(model, prior, fp.ExperimentRegion({"t": (0.01, 60)}), noise_std={"y": 0.01})
-    design = fp.approximate(problem, tolerance=1e-7)
+    design = fp.approximate_design(problem, tolerance=1e-7)
     times = np.sort(design.points.u[:, 0])
     assert times == pytest.approx([0.01, 0.1753, 0.6679, 2.0025, 6.2531, 26.8048], rel=1e-3)
     assert design.weights == pytest.approx(np.full(6, 1 / 6), abs=1e-5)

@@ -21,7 +21,7 @@ from oracle import OUTPUT_ROWS, STATE_SCALES, Floats
 pytestmark = pytest.mark.kernels
 
 POSITIVE = [fp.TensorGrid(2, span=1.0), fp.GaussHermite(2), fp.Sobol(64)]
-ALL = [*POSITIVE, fp.SparseGaussHermite(1), fp.SparseGaussHermite(2), fp.Unscented(), fp.Linearized()]
+ALL = [*POSITIVE, fp.SparseGaussHermite(1), fp.SparseGaussHermite(2), fp.Unscented(), fp.LinearizedRule()]
 
 
 def scaled_error(actual: Floats, expected: Floats) -> Floats:
@@ -46,7 +46,7 @@ def test_where_outputs_are_linear_every_rule_gives_the_linearized_covariance(cor
             covariance[i, j] = covariance[j, i] = r * np.sqrt(covariance[i, i] * covariance[j, j])
     prior = fp.GaussianPrior(MODEL.nominal, covariance=covariance, log=log)
     points = valid_points(6, seed=3)
-    expected = fp.predictive_covariance(MODEL, points, prior, fp.Linearized(), rtol=1e-10)
+    expected = fp.predictive_covariance(MODEL, points, prior, fp.LinearizedRule(), rtol=1e-10)
     assert not expected.status.any()
     for rule in (fp.GaussHermite(2), fp.SparseGaussHermite(1), fp.SparseGaussHermite(2), fp.Unscented()):
         result = fp.predictive_covariance(MODEL, points, prior, rule, rtol=1e-12)
@@ -59,7 +59,7 @@ def test_linearized_is_the_product_of_sensitivities_and_covariance() -> None:
     covariance = np.diag(np.square(list(PRIOR.std.values())))
     covariance[7, 8] = covariance[8, 7] = 0.5 * np.sqrt(covariance[7, 7] * covariance[8, 8])
     prior = fp.GaussianPrior(MODEL.nominal, covariance=covariance)
-    result = fp.predictive_covariance(MODEL, points, prior, fp.Linearized())
+    result = fp.predictive_covariance(MODEL, points, prior, fp.LinearizedRule())
     sensitivities = fp.sensitivities(MODEL, points, MODEL.nominal)
     np.testing.assert_array_equal(result.status, sensitivities.status)
     ok = result.status == fp.Status.ok
@@ -72,9 +72,9 @@ def test_linearized_is_the_product_of_sensitivities_and_covariance() -> None:
 def test_a_problem_with_the_linearized_rule_reuses_its_sensitivities() -> None:
     points = valid_points(12, seed=4)
     for names in (NAMES, ("a_tau", "E_oil", "B_v")):
-        linear = problem(rule=fp.Linearized(), output_covariance="pooled", parameters=names)
-        d = fp.evaluate_design(linear, points).output_covariance
-        covariance = fp.predictive_covariance(MODEL, points, PRIOR, fp.Linearized(), parameters=names).covariance
+        linear = problem(rule=fp.LinearizedRule(), output_covariance="pooled", parameters=names)
+        d = fp.evaluate(linear, points).output_covariance
+        covariance = fp.predictive_covariance(MODEL, points, PRIOR, fp.LinearizedRule(), parameters=names).covariance
         np.testing.assert_allclose(d, np.diag(np.square(list(NOISE.values()))) + covariance.mean(axis=0), rtol=1e-12)
 
 
@@ -99,7 +99,7 @@ def test_rules_come_close_to_a_converged_one_in_the_known_order() -> None:
     converged = fp.predictive_covariance(MODEL, points, PRIOR, fp.Sobol(2**15))
     points = points[converged.status == 0]
     errors = []
-    for rule in (fp.Linearized(), fp.Unscented(), fp.SparseGaussHermite(2), fp.SparseGaussHermite(3)):
+    for rule in (fp.LinearizedRule(), fp.Unscented(), fp.SparseGaussHermite(2), fp.SparseGaussHermite(3)):
         result = fp.predictive_covariance(MODEL, points, PRIOR, rule)
         errors.append(np.median(scaled_error(result.covariance, converged.covariance[converged.status == 0])[result.status == 0]))
     assert errors[0] > errors[1] > 5 * errors[2] and errors[2] < 0.01 and errors[3] < 0.005
@@ -312,7 +312,7 @@ def test_every_rule_takes_a_subset_of_the_parameters(rule: fp.Rule) -> None:
     narrow = fp.GaussianPrior(
         MODEL.nominal, std={name: PRIOR.std[name] * (1 if name in ("E_oil", "a_tau") else 1e-9) for name in NAMES}
     )
-    if isinstance(rule, fp.Linearized | fp.TensorGrid | fp.GaussHermite | fp.Unscented):
+    if isinstance(rule, fp.LinearizedRule | fp.TensorGrid | fp.GaussHermite | fp.Unscented):
         wide = fp.predictive_covariance(MODEL, point(), narrow, rule, rtol=1e-10)
         assert scaled_error(some.covariance, wide.covariance)[0] < 1e-5
     assert some.status[0] == 0 and some.covariance[0, 1, 1] > 0
@@ -321,7 +321,7 @@ def test_every_rule_takes_a_subset_of_the_parameters(rule: fp.Rule) -> None:
 # --- designs ------------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rule", [fp.SparseGaussHermite(2), fp.Linearized(), fp.GaussHermite(2)], ids=repr)
+@pytest.mark.parametrize("rule", [fp.SparseGaussHermite(2), fp.LinearizedRule(), fp.GaussHermite(2)], ids=repr)
 def test_the_bound_of_the_pooled_form_takes_the_covariance_of_the_nodes(rule: fp.Rule) -> None:
     """log det(M F) <= p log(2 n_y / p) with M the second moments that the nodes have; narrow, so that outputs are linear."""
     covariance = np.diag(np.square([1e-3 * MODEL.nominal[name] for name in NAMES]))
@@ -341,7 +341,7 @@ def test_the_bound_of_the_pooled_form_takes_the_covariance_of_the_nodes(rule: fp
 
 def test_a_comparison_of_rules() -> None:
     points = valid_points(3, seed=6)
-    rules = [fp.Linearized(), fp.SparseGaussHermite(1), fp.SparseGaussHermite(2), fp.TensorGrid(2)]
+    rules = [fp.LinearizedRule(), fp.SparseGaussHermite(1), fp.SparseGaussHermite(2), fp.TensorGrid(2)]
     comparison = fp.compare_rules(problem(rule=fp.Unscented()), points, rules)
     assert [row.rule for row in comparison.rows] == rules and comparison.points == 3
     assert [row.nodes for row in comparison.rows] == [1, 19, 199, 512]

@@ -112,7 +112,7 @@ def test_fisher(reference: Any, model: fp.HydraulicCylinder, prior: fp.GaussianP
         output_covariance="pooled",
         rtol=RTOL,
     )
-    evaluation = fp.evaluate_design(problem, experiments(reference["points"][: expected["first_points"]]))
+    evaluation = fp.evaluate(problem, experiments(reference["points"][: expected["first_points"]]))
     noise = np.array(reference["noise_std"])
     D_error = (evaluation.output_covariance - expected["pooled_D"]) / np.outer(noise, noise)
     assert np.max(np.abs(D_error)) < 1e-6 * np.max(np.diag(expected["pooled_D"]) / noise**2)
@@ -225,7 +225,7 @@ def test_random_cylinder_predictive_covariances_and_fisher(case: Case) -> None:
         output_covariance="pooled",
         rtol=RTOL,
     )
-    evaluation = fp.evaluate_design(problem, case.points)
+    evaluation = fp.evaluate(problem, case.points)
 
     assert np.all(result.status == fp.Status.ok)
     for actual, expected in zip(result.covariance, covariances, strict=True):

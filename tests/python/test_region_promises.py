@@ -188,7 +188,7 @@ def test_designs_of_points_keep_what_their_region_says(seed: int) -> None:
         warnings.simplefilter("ignore")
         options = {"goal": fp.Goal(confidence=0.9)} if seed % 3 == 0 else {"method": ("auto", "paper")[seed % 2]}
         design = fp.exchange(problem(region), count, n_candidates=40, max_iterations=40, seed=seed, threads=1, **options)
-        weights = fp.approximate(problem(region), seed=seed, threads=1, starts=50, n_candidates=300)
+        weights = fp.approximate_design(problem(region), seed=seed, threads=1, starts=50, n_candidates=300)
     for points in (design.points, weights.points, region.draw(MODEL, 50, seed=seed, decades=True)):
         table = dict(zip(region.bounds, points.table.T, strict=True))
         for name, (lower, upper) in region.bounds.items():
@@ -214,7 +214,7 @@ def test_windows_of_a_record_keep_what_was_asked_for(seed: int) -> None:
     given = fp.DesignProblem(model, PRIOR, None, noise_std=NOISE, output_covariance="noise")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        design = fp.best_pieces(given, pieces, count, threads=1)
+        design = fp.design_pieces(given, pieces, count, threads=1)
     first = np.sort(design.first)
     assert len(first) == count and (np.diff(first) >= length).all() and (first % every == 0).all() and first[-1] + length <= size
     assert len(design.runs) == count and design.runs.dt.shape[1] == length - 1

@@ -259,8 +259,8 @@ def test_a_decorated_model_has_both() -> None:
         states={"T": "K"}, inputs={"T_a": "K"}, parameters={"k": "1/s", "P": "K/s", "low": "K", "high": "K"}, outputs={"T": "K"}
     )
     def room(x, u, p):  # type: ignore[no-untyped-def]
-        on = fp.latch(p.low > x.T, p.high < x.T)
-        return [p.k * (u.T_a - x.T) + fp.where(on, p.P, 0)], [x.T]
+        on = fp.math.latch(p.low > x.T, p.high < x.T)
+        return [p.k * (u.T_a - x.T) + fp.math.where(on, p.P, 0)], [x.T]
 
     points = points_of([21.0], [5.0], 40.0)
     np.testing.assert_array_equal(fp.simulate(room, points, HEAT).x, fp.simulate(thermostat(), points, HEAT).x)
@@ -304,4 +304,4 @@ def test_mistakes_are_named() -> None:
         with pytest.raises(ValueError, match=r"latch|condition"):
             fp.SymbolicModel([f"-k*T + {text}"], ["T"], {"T": "K"}, {}, {"k": "1/s"}, {"T": "K"})
     with pytest.raises(TypeError, match="latch: on: expected a condition of equations"):
-        fp.latch(3.0, 2.0)
+        fp.math.latch(3.0, 2.0)

@@ -129,7 +129,7 @@ def test_the_information_is_that_of_dense_algebra(uncertain: dict[str, float] | 
         g = moved[:, [*([3] if uncertain else []), *([4, 5] if start else [])]]
         r = np.kron(np.eye(at.sum()), np.diag(np.square(list(NOISE.values())))) + g @ g.T
         total += moved[:, :3].T @ np.linalg.solve(r, moved[:, :3])
-    evaluation = fp.evaluate_design(problem(tanks(), varies=uncertain, initial_state_std=start), runs)
+    evaluation = fp.evaluate(problem(tanks(), varies=uncertain, initial_state_std=start), runs)
     np.testing.assert_allclose(evaluation.information, total, rtol=1e-6, atol=1e-6 * np.abs(total).max())
 
 
@@ -138,7 +138,7 @@ def test_the_rest_matters() -> None:
     fixed = fp.simulate(tanks(), both(), THETA).x[:, 0]
     runs = both()
     held = fp.Runs(fixed, runs.u, runs.dt, runs.measured)
-    moving, still = (fp.evaluate_design(problem(tanks()), some).information for some in (runs, held))
+    moving, still = (fp.evaluate(problem(tanks()), some).information for some in (runs, held))
     assert np.abs(moving / still - 1).max() > 0.1
 
 

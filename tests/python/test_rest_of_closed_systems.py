@@ -156,7 +156,7 @@ def test_uncertain_starts_of_a_closed_system_are_uncertain_totals() -> None:
     model, noise = case.model(["a"]), 0.01
     prior = fp.GaussianPrior(case.theta, std={"k1": 0.1, "k2": 0.1})
     given = {"noise_std": {"y": noise}, "output_covariance": "noise", "initial_state_std": {"a": 0.1, "b": 0.2}}
-    evaluation = fp.evaluate_design(fp.DesignProblem(model, prior, None, **given), case.runs())
+    evaluation = fp.evaluate(fp.DesignProblem(model, prior, None, **given), case.runs())
     moved = np.full((2, 1), 1 / 3) * [0.1, 0.2]  # a rests at a third of the total
     covariance = noise**2 * np.eye(2) + moved @ moved.T
     slope = 0.1 * np.array([[-0.5 / 2.25, 1 / 2.25]] * 2)

@@ -53,7 +53,7 @@ def test_a_page_says_what_was_asked_and_with_which_versions(tmp_path: Path) -> N
     results()["Design"].to_html(tmp_path / "report.html", pictures=False)
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
     asked = page.within("details")
-    for part in ("Problem and settings", "sensor noise", "Prior", "Region", "candidates of a draw", "Linearized"):
+    for part in ("Problem and settings", "sensor noise", "Prior", "Region", "candidates of a draw", "LinearizedRule"):
         assert part in asked
     assert ["E_oil", "Pa", "1.2e9", "2.4e8", "normal"] in [row for table in page.tables for row in table]
     assert ["v", "m/s", "-0.25", "0.25"] in [row for table in page.tables for row in table]

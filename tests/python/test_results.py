@@ -37,12 +37,12 @@ def results() -> dict[str, Any]:
         "Validation": fp.validate(PROBLEM, {"four": design.points}, runs=20),
         "Campaign": campaign,
         "Identifiability": fp.identifiability(MODEL, PRIOR, REGION),
-        "ApproximateDesign": fp.approximate(PROBLEM, n_candidates=200, starts=50),
-        "ExactDesign": fp.exact(PROBLEM, design.points, 5),
-        "PieceDesign": fp.best_pieces(PROBLEM, fp.pieces(RECORD, MODEL, length=5), 4),
+        "ApproximateDesign": fp.approximate_design(PROBLEM, n_candidates=200, starts=50),
+        "ExactDesign": fp.exact_design(PROBLEM, design.points, 5),
+        "PieceDesign": fp.design_pieces(PROBLEM, fp.pieces(RECORD, MODEL, length=5), 4),
         "DesignComparison": fp.compare(PROBLEM, {"four": design, "two": design.points[:2]}, draws=50),
         "Sweep": fp.sweep(PROBLEM, range(2, 5), n_candidates=5, max_iterations=8, cost=fp.Cost(per_experiment=1.0)),
-        "RuleComparison": fp.compare_rules(PROBLEM, design.points, [fp.Linearized(), fp.SparseGaussHermite(2)]),
+        "RuleComparison": fp.compare_rules(PROBLEM, design.points, [fp.LinearizedRule(), fp.SparseGaussHermite(2)]),
     }
 
 

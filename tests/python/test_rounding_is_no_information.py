@@ -88,14 +88,14 @@ def test_of_two_masses_and_of_a_level_that_is_held() -> None:
 
 
 def test_a_locked_motor_tells_about_its_winding_alone() -> None:
-    everything = fp.evaluate_design(points(), run())
+    everything = fp.evaluate(points(), run())
     assert everything.rank == 2 and everything.log_det == -np.inf and everything.standard_errors is None
     assert left_open(everything.null_directions) == NOMINAL.keys() - TOLD
     found = fp.exchange(points(), n_experiments=4, max_iterations=40, method=fp.ExchangeMethod(references=False)).evaluation
     assert found.rank == 2 and left_open(found.null_directions) == NOMINAL.keys() - TOLD
     u = np.linspace(-1.0, 1.0, 5)
     given = fp.Experiments(np.zeros((20, 2)), np.tile(u, 4)[:, None], np.repeat([0.03, 0.1, 0.3, 1.0], 5))
-    approximate = fp.approximate(points(), given)
+    approximate = fp.approximate_design(points(), given)
     assert left_open(approximate.null_directions) == NOMINAL.keys() - TOLD
     region = fp.RunRegion({"i": 0.0, "w": 0.0, "u": (-1, 1), "dt": 0.05}, segments=8)
     designed = fp.design_runs(locked(region), n_runs=1, n_starts=1, n_candidates=60)
@@ -128,15 +128,15 @@ def faint(share: float) -> fp.DesignProblem:
 def test_what_is_below_rounding_counts_nowhere(share: float, rank: int) -> None:
     problem = faint(share)
     some = fp.Experiments(np.empty((3, 0)), [[1.0], [-1.0], [0.5]], np.ones(3))
-    evaluated = fp.evaluate_design(problem, some)
+    evaluated = fp.evaluate(problem, some)
     assert evaluated.rank == rank and np.isfinite(evaluated.log_det) == (rank == 2)
     assert (evaluated.fisher[1, 1] == 0.0) == (rank == 1)
     for method in ("auto", "paper"):
         found = fp.exchange(problem, n_experiments=3, max_iterations=20, method=fp.ExchangeMethod(method, references=False))
         assert found.evaluation.rank == rank
-    assert len(fp.approximate(problem, some).null_directions) == 2 - rank
-    assert len(fp.exact(problem, some, 3).null_directions) == 2 - rank
-    beside = fp.evaluate_design(problem, some, prior_information=True)
+    assert len(fp.approximate_design(problem, some).null_directions) == 2 - rank
+    assert len(fp.exact_design(problem, some, 3).null_directions) == 2 - rank
+    beside = fp.evaluate(problem, some, prior_information=True)
     assert beside.rank == 2 and np.isinf(beside.without_prior["b"]) == (rank == 1)  # type: ignore[index]
     data = fp.VirtualRig(problem.model, {"a": 1.0, "b": 1.0}, {"y": 1e-2}).measure(some)
     fit = fp.estimate(problem.model, data, prior=None, start={"a": 1.0, "b": 1.0}, noise_std={"y": 1e-2})

@@ -25,7 +25,7 @@ EVERY_RULE = [
     fp.SparseGaussHermite(2),
     fp.Sobol(64, seed=3),
     fp.Unscented(),
-    fp.Linearized(),
+    fp.LinearizedRule(),
 ]
 
 

@@ -64,7 +64,7 @@ def test_runs_are_the_best_of_all(name: str, with_prior: bool) -> None:
     criterion, best = fp.criterion(given, goal(name)), -np.inf
     runs = all_runs(4)
     for k in range(len(runs)):
-        f = fp.evaluate_design(given, runs[k : k + 1]).information + with_prior * np.eye(2)
+        f = fp.evaluate(given, runs[k : k + 1]).information + with_prior * np.eye(2)
         best = max(best, criterion.log_phi(f))
     design = fp.design_runs(given, goal=goal(name, prior_information=with_prior), **QUICK)
     found = criterion.log_phi(design.evaluation.information)
@@ -121,7 +121,7 @@ def test_samples_are_the_best_of_all(name: str) -> None:
     whole = fp.Runs(x0=np.zeros((1, 2)), u=np.ones((1, 8, 1)), dt=np.full((1, 8), 0.5))
     for chosen in itertools.combinations(range(8), 3):
         measured = np.isin(np.arange(8), chosen)[None]
-        best = max(best, criterion.log_phi(fp.evaluate_design(given, whole.measuring(measured)).information))
+        best = max(best, criterion.log_phi(fp.evaluate(given, whole.measuring(measured)).information))
     design = fp.design_runs(given, goal=goal(name), n_starts=1, n_candidates=20)
     assert criterion.log_phi(design.evaluation.information) == pytest.approx(best, abs=1e-6)
 
@@ -135,7 +135,7 @@ def test_over_the_prior_it_is_the_average_of_the_logarithms() -> None:
         values = []
         for one in scenarios:
             there = given.replace(prior=fp.GaussianPrior(MEAN | one, dict(given.prior.std)))
-            f = fp.evaluate_design(there, all_runs(4)[k : k + 1]).information
+            f = fp.evaluate(there, all_runs(4)[k : k + 1]).information
             values.append(fp.criterion(there, fp.Goal("c", of="b / c")).log_phi(f))
         best = max(best, min(values))
     assert design.log_det == pytest.approx(best, abs=1e-4)
@@ -193,7 +193,7 @@ def test_the_prior_holds_open_what_no_run_tells() -> None:
 def test_what_was_measured_before_counts_beside_the_prior() -> None:
     before = all_runs(4)[40:42]
     design = fp.design_runs(problem(levels={"u": [-1, 0, 1]}), previous=before, goal=fp.Goal("A", prior_information=True), **QUICK)
-    alone = sum(fp.evaluate_design(problem(), runs).information for runs in (before, design.runs))
+    alone = sum(fp.evaluate(problem(), runs).information for runs in (before, design.runs))
     assert design.evaluation.information == pytest.approx(alone + np.eye(2), rel=1e-9)
 
 
@@ -228,7 +228,7 @@ def test_kept_runs_stay_and_the_others_are_the_best_beside_them(goal: fp.Goal, t
         values = []
         for one in scenarios:
             there = given.replace(prior=fp.GaussianPrior(MEAN | one, dict(given.prior.std)))
-            f = fp.evaluate_design(there, fp.Runs.join([kept, all_runs(4)[[k]]])).information
+            f = fp.evaluate(there, fp.Runs.join([kept, all_runs(4)[[k]]])).information
             criterion = fp.criterion(there, goal)
             values.append(criterion.level * criterion.log_phi(f))
         best = max(best, min(values))

@@ -195,7 +195,7 @@ def problem(**changes: Any) -> fp.DesignProblem:
 @pytest.mark.parametrize("start", [None, START])
 def test_an_output_that_was_not_measured_says_nothing(start: dict[str, float] | None) -> None:
     data, new = with_gaps(measured(drawn(4))), drawn(2, seed=9)
-    evaluation = fp.evaluate_design(problem(initial_state_std=start), new, previous=data)
+    evaluation = fp.evaluate(problem(initial_state_std=start), new, previous=data)
     y = filled(new, np.ones((*new.dt.shape, 2)))
     parts = [dense(one, MODEL.theta(THETA), start is not None, False) for one in (data, fp.Measurements(new, y))]
     information = sum(j.T @ np.linalg.solve(r_k, j) for _, js, rs in parts for j, r_k in zip(js, rs, strict=True))
@@ -211,7 +211,7 @@ def test_what_a_run_has_behind_its_last_number_says_nothing() -> None:
     u[0, 6:], dt[0, 6:] = -9.0, 5.0  # where there is no trajectory
     cut = fp.Measurements(fp.Runs(runs.x0, u, dt, runs.measured), y)
     short = fp.Runs(runs.x0, runs.u, np.where(np.arange(12) < [[6], [12]], runs.dt, 0.0), runs.measured)
-    one, other = (fp.evaluate_design(problem(), drawn(2, seed=9), previous=given) for given in (cut, short))
+    one, other = (fp.evaluate(problem(), drawn(2, seed=9), previous=given) for given in (cut, short))
     np.testing.assert_allclose(one.information, other.information, rtol=1e-12)
 
 
@@ -221,12 +221,12 @@ def test_points_and_runs_count_together() -> None:
     of_points = with_gaps(fp.VirtualRig(MODEL, THETA, NOISE, seed=6).measure(points))
     of_runs = fp.Measurements(fp.Runs.of_points(points), of_points.y[:, None])
     one, other, swapped = (
-        fp.evaluate_design(given, new, previous=old) for new, old in ((runs, of_points), (runs, of_runs), (points, runs))
+        fp.evaluate(given, new, previous=old) for new, old in ((runs, of_points), (runs, of_runs), (points, runs))
     )
     np.testing.assert_allclose(one.information, other.information, rtol=1e-9)
     assert one.nearby is not None and other.nearby is not None and swapped.nearby is not None
     np.testing.assert_allclose(list(one.nearby.growth.values()), list(other.nearby.growth.values()), rtol=1e-9)
-    whole = fp.evaluate_design(given, fp.Runs.join([runs, fp.Runs.of_points(points)]))
+    whole = fp.evaluate(given, fp.Runs.join([runs, fp.Runs.of_points(points)]))
     assert whole.nearby is not None
     np.testing.assert_allclose(swapped.information, whole.information, rtol=1e-9)
     np.testing.assert_allclose(list(swapped.nearby.growth.values()), list(whole.nearby.growth.values()), rtol=1e-9)
@@ -237,8 +237,8 @@ def test_what_an_output_would_have_said_nearby_does_not_count() -> None:
     y = filled(runs, np.ones((*runs.dt.shape, 2)))
     y[:, :, 1] = np.nan
     quiet = fp.DesignProblem(MODEL, PRIOR, None, noise_std=NOISE | {"z": 1e6}, initial_state_std=START, rtol=1e-11)
-    alone = fp.evaluate_design(quiet, runs)
-    silent = fp.evaluate_design(quiet, runs[:1], previous=fp.Measurements(runs[1:], y[1:]))
+    alone = fp.evaluate(quiet, runs)
+    silent = fp.evaluate(quiet, runs[:1], previous=fp.Measurements(runs[1:], y[1:]))
     assert alone.nearby is not None and silent.nearby is not None
     np.testing.assert_allclose(list(alone.nearby.growth.values()), list(silent.nearby.growth.values()), rtol=1e-6)
 
@@ -247,7 +247,7 @@ def test_what_an_output_would_have_said_nearby_does_not_count() -> None:
     "call",
     [
         lambda runs: fp.assumed_covariance(MODEL, runs, THETA, varies=CONSTANT),
-        lambda runs: fp.predictive_covariance(MODEL, runs, PRIOR, fp.Linearized()),
+        lambda runs: fp.predictive_covariance(MODEL, runs, PRIOR, fp.LinearizedRule()),
     ],
 )
 def test_covariances_of_points_are_not_of_runs(call: Any) -> None:

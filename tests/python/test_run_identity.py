@@ -127,7 +127,7 @@ def test_a_run_of_one_segment_is_a_point(kind: str) -> None:
     alone = fp.Runs.of_points(points)
     data = fp.VirtualRig(MODEL, {"k": 1.1}, {"y": 0.01}, seed=1).measure(points)
     for previous in (None, data):
-        evaluations = [fp.evaluate_design(problem, one, previous=previous) for one in (points, alone)]
+        evaluations = [fp.evaluate(problem, one, previous=previous) for one in (points, alone)]
         assert evaluations[0].to_pandas().equals(evaluations[1].to_pandas())
         assert np.array_equal(evaluations[0].output_covariance, evaluations[1].output_covariance)
     fits = [
@@ -143,5 +143,5 @@ def test_runs_are_designed_beside_points_with_the_scatter_of_their_starts() -> N
     points = fp.Experiments([[0.0, 0.1], [0.1, 0.0], [0.2, 0.2]], [0.5, 0.8, 1.0], [0.6, 1.0, 1.9])
     for previous in (points, fp.Runs.of_points(points)):
         known, _ = previous_information(problem, previous, 1)
-        expected = fp.evaluate_design(problem, points).information
+        expected = fp.evaluate(problem, points).information
         assert _known_there(problem, problem, known, previous, 1) == pytest.approx(expected, rel=1e-12)

@@ -39,7 +39,7 @@ def test_runs_keep_their_promise(start: dict[str, float] | None, noise_std: dict
             assert of.claimed.value == pytest.approx(of.promised, rel=0.02)
             assert sigmas(of.ratio, 1) < 4 and sigmas(of.coverage, 0.95) < 4
     if noise_std == NOISE:
-        promised = fp.evaluate_design(given, RUNS).standard_errors
+        promised = fp.evaluate(given, RUNS).standard_errors
         assert promised is not None
         for name, of in found.designs["two"].parameters.items():
             assert of.promised == pytest.approx(promised[name], rel=1e-6)

@@ -60,7 +60,7 @@ def test_a_design_of_such_runs_is_evaluated() -> None:
     n = 25
     every = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), 0.2, [[True] * n])
     without = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), 0.2, [[k not in (9, 14) for k in range(n)]])
-    errors = [fp.evaluate_design(problem, runs).standard_errors for runs in (every, without)]
+    errors = [fp.evaluate(problem, runs).standard_errors for runs in (every, without)]
     for name in FOUND:
         assert errors[0][name] == pytest.approx(errors[1][name], rel=1e-6)
 
@@ -109,8 +109,8 @@ def test_a_point_in_the_instant_of_a_jump_counts_no_information() -> None:
     problem = fp.DesignProblem(infusion, prior, region, noise_std={"y": 0.01})
     points = fp.Experiments(np.zeros((8, 1)), np.empty((8, 0)), [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])
     with pytest.warns(UserWarning, match=r"points\[3\] in the instant"):
-        whole = fp.evaluate_under_noise(problem, points)
-    others = fp.evaluate_under_noise(problem, points[[0, 1, 2, 4, 5, 6, 7]])
+        whole = fp.evaluate(problem, points, output_covariance="noise")
+    others = fp.evaluate(problem, points[[0, 1, 2, 4, 5, 6, 7]], output_covariance="noise")
     assert whole.log_det == pytest.approx(others.log_det + 3 * np.log(7 / 8), rel=1e-12)  # F is the mean over the points
     with pytest.warns(UserWarning, match="in the instant"):
         validated = fp.validate(problem, {"design": points}, runs=20)
@@ -122,4 +122,4 @@ def test_a_point_that_starts_on_a_jump_that_nothing_decides_is_refused() -> None
     prior = fp.GaussianPrior({"a": 1.0}, relative_std={"a": 0.1})
     problem = fp.DesignProblem(runaway, prior, fp.ExperimentRegion({"x": (-1.0, 1.0), "dt": (0.1, 1.0)}), noise_std={"y": 0.01})
     with pytest.raises(ValueError, match=r"points\[1\] \(on_jump"):
-        fp.evaluate_under_noise(problem, fp.Experiments([[0.5], [0.0]], np.empty((2, 0)), [1.0, 1.0]))
+        fp.evaluate(problem, fp.Experiments([[0.5], [0.0]], np.empty((2, 0)), [1.0, 1.0]), output_covariance="noise")

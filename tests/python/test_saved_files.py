@@ -187,7 +187,7 @@ def test_what_was_read_is_written_as_it_was(name: str, tmp_path: Path) -> None:
 
 
 def test_a_declaration_says_what_is_wrong() -> None:
-    evaluation = fp.evaluate_design(problem(), problem().region.draw(problem().model, 4))
+    evaluation = fp.evaluate(problem(), problem().region.draw(problem().model, 4))
     check_declared(evaluation)
     object.__setattr__(evaluation, "fisher", np.zeros((2, 3)))
     with pytest.raises(ValueError, match=r"fisher: expected 2 along axis 1, given shape \(2, 3\)"):

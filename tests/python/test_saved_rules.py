@@ -25,7 +25,7 @@ COVARIANCE[7, 8] = COVARIANCE[8, 7] = 0.5 * PRIOR.std["V_0A"] * PRIOR.std["V_0B"
         {"rule": fp.Sobol(32, seed=7)},
         {"rule": fp.TensorGrid(edges={name: [-1.0, 1.0] if name != "E_oil" else [-2.0, 0.0, 1.0] for name in NAMES})},
         {"rule": fp.Unscented(), "prior": fp.GaussianPrior(dict(PRIOR.mean), covariance=COVARIANCE, log=["c_L"])},
-        {"rule": fp.Linearized(), "prior": fp.GaussianPrior(dict(PRIOR.mean), dict(PRIOR.std), log=NAMES)},
+        {"rule": fp.LinearizedRule(), "prior": fp.GaussianPrior(dict(PRIOR.mean), dict(PRIOR.std), log=NAMES)},
     ],
     ids=lambda changes: type(changes["rule"]).__name__,
 )

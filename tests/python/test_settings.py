@@ -15,7 +15,8 @@ from fisherpoint.design.settings import METHODS, MOST_ITERATIONS
 
 
 @pytest.mark.parametrize(
-    ("settings", "search"), [(fp.ExchangeSettings, fp.exchange), (fp.ExchangeSettings, fp.sweep), (fp.RunSettings, fp.design_runs)]
+    ("settings", "search"),
+    [(fp.results.ExchangeSettings, fp.exchange), (fp.results.ExchangeSettings, fp.sweep), (fp.results.RunSettings, fp.design_runs)],
 )
 def test_settings_have_the_defaults_of_their_search(settings: Any, search: Any) -> None:
     arguments = signature(search).parameters
@@ -27,13 +28,15 @@ def test_settings_have_the_defaults_of_their_search(settings: Any, search: Any) 
         assert one.default == (made[one.name](default) if one.name in made else default)
 
 
-@pytest.mark.parametrize("search", [fp.exchange, fp.sweep, fp.design_runs, fp.approximate, fp.exact, fp.best_pieces])
+@pytest.mark.parametrize(
+    "search", [fp.exchange, fp.sweep, fp.design_runs, fp.approximate_design, fp.exact_design, fp.design_pieces]
+)
 def test_searches_take_a_goal_and_few_arguments(search: Any) -> None:
     arguments = signature(search).parameters
     assert arguments["goal"].default == "D" and len(arguments) <= 12
 
 
-@pytest.mark.parametrize("kind", [fp.Goal, fp.ExchangeMethod, fp.ExchangeSettings, fp.RunSettings])
+@pytest.mark.parametrize("kind", [fp.Goal, fp.ExchangeMethod, fp.results.ExchangeSettings, fp.results.RunSettings])
 def test_each_option_has_words_and_a_default(kind: Any) -> None:
     described = {one.name for one in options_of(kind)}
     assert described | {"goal"} == {one.name for one in fields(kind)} | {"goal"}
@@ -44,8 +47,8 @@ def test_each_option_has_words_and_a_default(kind: Any) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_iterations_are_those_of_the_method(method: str) -> None:
     chosen = fp.ExchangeMethod(method)
-    assert fp.ExchangeSettings(method=chosen).max_iterations == MOST_ITERATIONS[method]
-    assert fp.ExchangeSettings(method=chosen, max_iterations=3).max_iterations == 3
+    assert fp.results.ExchangeSettings(method=chosen).max_iterations == MOST_ITERATIONS[method]
+    assert fp.results.ExchangeSettings(method=chosen, max_iterations=3).max_iterations == 3
 
 
 def test_the_docstring_says_how_many_iterations_there_are() -> None:

@@ -143,7 +143,7 @@ def test_one_error_says_what_is_open_and_what_helps(method: str) -> None:
 
 def test_approximate_designs_and_sweeps_raise_it_too() -> None:
     with pytest.raises(ValueError, match=r"^candidates: .*'error'.* information on 1.00 a - 0.50 b, in prior std"):
-        fp.approximate(blind(), n_candidates=50, starts=5, goal=fp.Goal(singular="error"))
+        fp.approximate_design(blind(), n_candidates=50, starts=5, goal=fp.Goal(singular="error"))
     for method in ("auto", "paper"):
         with pytest.raises(ValueError, match=r"^region: .*'error'.* information on 1.00 a - 0.50 b"):
             fp.sweep(blind(), (4, 6), goal=fp.Goal(singular="error"), method=method, **QUICK)
@@ -220,12 +220,12 @@ def test_what_can_be_estimated_does_not_depend_on_sizes(size: float) -> None:
     given, points = blind(), fp.Experiments(np.zeros((4, 0)), np.array([[1.0, 0.0], [0.6, 0.7], [0.1, 0.9], [0.3, -0.9]]))
     prior = fp.GaussianPrior(mean=dict(given.prior.mean), std={"a": 1.0, "b": 2.0, "c": 0.5 * size})
     other = given.replace(prior=prior)
-    told, there = (fp.evaluate_design(one, points).log_det_estimable for one in (given, other))
+    told, there = (fp.evaluate(one, points).log_det_estimable for one in (given, other))
     assert told is not None and there == pytest.approx(told + 2 * np.log(size), abs=1e-6)
     design = fp.exchange(other, 6, **QUICK)
     assert design.efficiency is not None and design.efficiency.at_least is not None
     assert 0.98 < design.efficiency.at_least <= 1 + 1e-9 and design.ridge == 0.0
-    found = fp.evaluate_design(given, design.points).log_det_estimable
+    found = fp.evaluate(given, design.points).log_det_estimable
     assert found is not None and found > np.log(5 / 4) - 0.02
 
 

@@ -240,13 +240,13 @@ def test_misuse_is_refused(smooth: Any, error: type[Exception], message: str) ->
 def test_a_design_is_made_saved_and_loaded(tmp_path: Path) -> None:
     at_rest = {name: (value, value) for name, value in (("v", 0.0), ("p_A", 6.4e6), ("p_B", 12.9e6), ("x_v", 0.0))}
     bounds = {"q": (0.03, 0.27), **at_rest, "u": (-0.3, 0.3), "dt": (1e-3, 3e-2)}
-    given = problem(model=SMOOTH, region=fp.ExperimentRegion(bounds), rule=fp.Linearized())
+    given = problem(model=SMOOTH, region=fp.ExperimentRegion(bounds), rule=fp.LinearizedRule())
     design = fp.exchange(given, n_experiments=6, n_candidates=10, max_iterations=5, method=fp.ExchangeMethod(references=False))
     assert design.evaluation.rank == len(NAMES)
     design.save(tmp_path)
     loaded = fp.Design.load(tmp_path)
     assert loaded.problem.model == SMOOTH
-    assert fp.evaluate_design(loaded.problem, loaded.points).log_det == pytest.approx(design.evaluation.log_det, abs=1e-12)
+    assert fp.evaluate(loaded.problem, loaded.points).log_det == pytest.approx(design.evaluation.log_det, abs=1e-12)
     plain = problem(model=MODEL)
     sharp = fp.exchange(plain, n_experiments=6, n_candidates=5, max_iterations=1, method=fp.ExchangeMethod(references=False))
     sharp.save(tmp_path)

@@ -55,7 +55,7 @@ def test_a_start_on_a_switching_surface_is_refused_by_name(surface: str, zero: f
     with pytest.raises(ValueError, match=message):
         fp.predictive_covariance(MODEL, points, PRIOR, SMALL, **strict)
     with pytest.raises(ValueError, match=message):
-        fp.evaluate_design(problem(**strict), points)
+        fp.evaluate(problem(**strict), points)
     assert not fp.sensitivities(MODEL, points, MODEL.nominal).status.any()
 
 
@@ -111,7 +111,7 @@ def test_a_pressure_that_reaches_a_limit_leaves_the_domain(which: str) -> None:
     pressure, limit = which.split()[0], which.split()[-1]
     difference = f"p_s - {pressure}" if limit == "p_s" else f"{pressure} - p_t"
     with pytest.raises(ValueError, match=rf"points\[0\] \(left_domain: {difference} > 0\)"):
-        fp.evaluate_design(problem(), points)
+        fp.evaluate(problem(), points)
 
 
 def test_a_node_may_leave_the_domain_where_the_mean_does_not() -> None:
@@ -237,7 +237,7 @@ def test_a_kink_is_crossed_or_excludes() -> None:
     excluded = fp.predictive_covariance(MODEL, crossing, PRIOR, SMALL, kinks="exclude")
     assert excluded.status[0] == Status.met_kink
     with pytest.raises(ValueError, match=r"met_kink.*kinks='exclude'"):
-        fp.evaluate_design(problem(kinks="exclude"), crossing)
+        fp.evaluate(problem(kinks="exclude"), crossing)
 
 
 def test_kinks_are_excluded_exactly_where_the_valve_passes_its_centre() -> None:

@@ -46,7 +46,7 @@ def test_every_size_has_the_best_design(found: fp.Sweep) -> None:
 
 def test_figures_are_those_of_the_designs_alone(found: fp.Sweep) -> None:
     for of in found.designs:
-        alone = fp.evaluate_design(quadratic(), of.points)
+        alone = fp.evaluate(quadratic(), of.points)
         if len(of.points) == 2:
             assert of.evaluation.standard_errors is None and of.information == -np.inf and not of.at_least
             continue
@@ -76,7 +76,7 @@ def test_previous_points_count() -> None:
     found = fp.sweep(given, (1, 3), n_candidates=5, max_iterations=6, previous=known)
     assert found.n_previous == 5 and found.sizes == (1, 3)
     for of in found.designs:
-        alone = fp.evaluate_design(given, of.points, previous=known)
+        alone = fp.evaluate(given, of.points, previous=known)
         assert of.evaluation.log_det == pytest.approx(alone.log_det, rel=1e-9)
         assert of.at_least is not None and 0 < of.at_least <= 1
 
@@ -239,7 +239,7 @@ def test_sizes_are_those_of_exchange(goal: fp.Goal, tmp_path: Path) -> None:
         value = alone.trace[-1].log_det + level * np.log(size / 2)
         assert of.information == pytest.approx(value, abs=2e-3 * level)
         assert of.evaluation.log_det == pytest.approx(
-            fp.evaluate_design(problem, of.points, prior_information=goal.prior_information).log_det, abs=1e-9
+            fp.evaluate(problem, of.points, prior_information=goal.prior_information).log_det, abs=1e-9
         )
         assert of.at_least is not None and alone.efficiency is not None and of.at_most is not None
         assert of.at_least == pytest.approx(alone.efficiency.at_least, abs=2e-2) and of.at_least <= 1 + 1e-9

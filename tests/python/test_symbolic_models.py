@@ -28,7 +28,7 @@ THETA = [0.05, 0.04, 0.06, 0.03]
 
 @fp.model(**TANKS)
 def tanks(x: Any, u: Any, p: Any) -> Any:
-    return [-p.k1 * fp.sqrt(x.h1) + p.k4 * u.u, p.k2 * fp.sqrt(x.h1) - p.k3 * fp.sqrt(x.h2)], [x.h2]
+    return [-p.k1 * fp.math.sqrt(x.h1) + p.k4 * u.u, p.k2 * fp.math.sqrt(x.h1) - p.k3 * fp.math.sqrt(x.h2)], [x.h2]
 
 
 def test_tanks_run_with_exact_sensitivities() -> None:
@@ -63,7 +63,7 @@ def test_states_are_reached_by_name_place_and_unpacking() -> None:
     def by_place(x: Any, u: Any, p: Any) -> Any:
         h1, h2 = x
         assert len(x) == 2 and x[1] is h2
-        return [-p.k1 * fp.sqrt(h1) + p.k4 * u[0], p.k2 * fp.sqrt(h1) - p.k3 * fp.sqrt(h2)], [h2]
+        return [-p.k1 * fp.math.sqrt(h1) + p.k4 * u[0], p.k2 * fp.math.sqrt(h1) - p.k3 * fp.math.sqrt(h2)], [h2]
 
     assert by_place == tanks
 
@@ -71,8 +71,15 @@ def test_states_are_reached_by_name_place_and_unpacking() -> None:
 def test_numbers_that_sympy_keeps_exact_and_every_function() -> None:
     @fp.model(states={"x": "1"}, parameters={"a": "1"}, constants={"c": 2.0, "d": (3.0, "rad")})
     def all_of_them(x: Any, u: Any, p: Any) -> Any:
-        f = sympy.pi * x.x + sympy.sqrt(2) * p.c + fp.exp(-x.x) * fp.tanh(p.d) + fp.where((x.x > 0) & (p.a < 1), 1, 2)
-        return [f + fp.min(x.x, 3) + fp.max(x.x, p.a, 0) + fp.abs(x.x) * fp.heaviside(p.a)], [fp.log(2 + fp.sin(x.x))]
+        f = (
+            sympy.pi * x.x
+            + sympy.sqrt(2) * p.c
+            + fp.math.exp(-x.x) * fp.math.tanh(p.d)
+            + fp.math.where((x.x > 0) & (p.a < 1), 1, 2)
+        )
+        return [f + fp.math.min(x.x, 3) + fp.math.max(x.x, p.a, 0) + fp.math.abs(x.x) * fp.math.heaviside(p.a)], [
+            fp.math.log(2 + fp.math.sin(x.x))
+        ]
 
     expected = math.pi * 0.5 + math.sqrt(2) * 2 + math.exp(-0.5) * math.tanh(3) + 1 + 0.5 + 0.7 + 0.5
     assert all_of_them.rhs([0.5], [], [0.7]) == pytest.approx([expected], rel=1e-14)

@@ -220,9 +220,9 @@ INSIDE = {
     "text": "where(where(h > 0.5, h, p) > 0.4, u, p)",
     "of both sides": "where(max(h - 0.5, 0) > where(h > p, 1, 0.1), u, p)",
     "joined": "where(not where(h > 0.5, h, p) > 0.4 or u > 2, u, p)",
-    "where": fp.where((fp.where(H > 0.5, H, P) > 0.4) & (U > 0), U, P),
+    "where": fp.math.where((fp.math.where(H > 0.5, H, P) > 0.4) & (U > 0), U, P),
     "Piecewise": sp.Piecewise((U, sp.Piecewise((H, H > 0.5), (P, True)) > 0.4), (P, True)),
-    "ITE": fp.where(sp.ITE(H > 0.5, H > 0.4, P > 0.4), U, P),
+    "ITE": fp.math.where(sp.ITE(H > 0.5, H > 0.4, P > 0.4), U, P),
 }
 
 
@@ -242,7 +242,7 @@ def test_cases_inside_a_condition_are_as_good_as_others(kind: str) -> None:
 @pytest.mark.parametrize("condition", [sp.Xor(H > 1, U > 0), sp.Implies(H > 1, U > 0)])
 def test_other_ways_to_join_conditions_are_refused_in_words(condition: Any) -> None:
     with pytest.raises(ValueError, match=r"^equations\.h: expected conditions that are joined by &, \| and ~, given "):
-        fp.SymbolicModel([fp.where(condition, U, P)], ["h"], {"h": "m"}, {"u": "m/s"}, {"p": "m/s"})
+        fp.SymbolicModel([fp.math.where(condition, U, P)], ["h"], {"h": "m"}, {"u": "m/s"}, {"p": "m/s"})
 
 
 @pytest.mark.parametrize("method", ["RK45", "DOP853"])

@@ -113,8 +113,12 @@ def test_windows_of_a_record_would_begin_anew() -> None:
             {},
             **UNITS,
         ),
-        fp.model(states={"c": "1"}, **UNITS, name="model")(lambda x, u, p: ([fp.where(x.t < 0.77, p.r, 0) - p.k * x.c], [x.c])),
-        fp.model(states={"c": "1"}, **UNITS, name="model")(lambda x, u, p: ([fp.where(x.time < 0.77, p.r, 0) - p.k * x[0]], [*x])),
+        fp.model(states={"c": "1"}, **UNITS, name="model")(
+            lambda x, u, p: ([fp.math.where(x.t < 0.77, p.r, 0) - p.k * x.c], [x.c])
+        ),
+        fp.model(states={"c": "1"}, **UNITS, name="model")(
+            lambda x, u, p: ([fp.math.where(x.time < 0.77, p.r, 0) - p.k * x[0]], [*x])
+        ),
     ],
     ids=["time", "sympy", "function", "function's time"],
 )

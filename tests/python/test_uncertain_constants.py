@@ -85,7 +85,7 @@ def joint_errors(points: fp.Experiments | fp.Runs, std: dict[str, float], start:
 @pytest.mark.parametrize("n", [1, 4, 100])
 def test_no_number_of_points_averages_a_constant_out(n: int) -> None:
     """y = a c u: a is known to no better than c."""
-    uncertain, anew = (fp.evaluate_design(gain(**{label: {"c": 0.1}}), ones(n)) for label in ("uncertain", "varies"))
+    uncertain, anew = (fp.evaluate(gain(**{label: {"c": 0.1}}), ones(n)) for label in ("uncertain", "varies"))
     assert uncertain.standard_errors is not None and anew.standard_errors is not None
     assert uncertain.standard_errors["a"] == pytest.approx(np.sqrt(0.01 + 1e-6 / n), rel=1e-12)
     assert anew.standard_errors["a"] == pytest.approx(np.sqrt((0.01 + 1e-6) / n), rel=1e-12)
@@ -96,7 +96,7 @@ def test_no_number_of_points_averages_a_constant_out(n: int) -> None:
 def test_the_standard_errors_are_those_of_dense_algebra(kind: str) -> None:
     points = {"points": drawn(7), "runs": drawn_runs(3), "both": drawn(7)}[kind]
     previous = drawn_runs(2, seed=4) if kind == "both" else None
-    evaluation = fp.evaluate_design(decay(uncertain=STD), points, previous=previous)
+    evaluation = fp.evaluate(decay(uncertain=STD), points, previous=previous)
     assert evaluation.standard_errors is not None
     everything = points if previous is None else fp.Runs.join([fp.Runs.of_points(points), previous])
     np.testing.assert_allclose(list(evaluation.standard_errors.values()), joint_errors(everything, STD), rtol=1e-6)
@@ -106,10 +106,10 @@ def test_a_start_that_runs_share_is_one_number() -> None:
     region = fp.RunRegion({"x": (0.0, 2.0), "u": (0.0, 1.0), "dt": (0.1, 1.0)}, segments=4, shared=["x"])
     given = decay(initial_state_std={"x": 0.2}).replace(region=region)
     runs = drawn_runs(5)
-    errors = fp.evaluate_design(given, runs).standard_errors
+    errors = fp.evaluate(given, runs).standard_errors
     assert errors is not None and given.shared_starts == ("x",)
     np.testing.assert_allclose(list(errors.values()), joint_errors(runs, {}, start=0.2), rtol=1e-6)
-    anew = fp.evaluate_design(given.replace(region=None), runs).standard_errors
+    anew = fp.evaluate(given.replace(region=None), runs).standard_errors
     assert anew is not None and anew["b"] != pytest.approx(errors["b"], rel=0.01)
     y = outputs(runs, **VALUES, c=1.0, s=2.0, off=0.15).reshape(5, 4, 2)
     fit = fp.estimate(
@@ -173,8 +173,8 @@ def test_what_previous_data_say_of_a_constant_is_carried_on() -> None:
     """Of s, which scales y alone, more is known with every sample of z beside y."""
     given = decay(uncertain={"s": 0.5})
     many, few = drawn(400, seed=2), drawn(3, seed=5)
-    errors = [fp.evaluate_design(given, few, previous=previous).standard_errors for previous in (None, many)]
-    together = fp.evaluate_design(given, fp.Experiments.join([many, few])).standard_errors
+    errors = [fp.evaluate(given, few, previous=previous).standard_errors for previous in (None, many)]
+    together = fp.evaluate(given, fp.Experiments.join([many, few])).standard_errors
     assert errors[0] is not None and errors[1] is not None and together is not None
     np.testing.assert_allclose(list(errors[1].values()), list(together.values()), rtol=1e-12)
     np.testing.assert_allclose(list(together.values()), joint_errors(fp.Experiments.join([many, few]), {"s": 0.5}), rtol=1e-6)
@@ -190,7 +190,7 @@ CRITERIA: list[tuple[str, Any]] = [("D", None), ("A", None), ("E", None), ("Ds",
 
 def dense(points: fp.Experiments) -> Floats:
     """F of b and k in prior std, with the constants unknown too."""
-    return fp.evaluate_design(decay(uncertain=STD), points).information
+    return fp.evaluate(decay(uncertain=STD), points).information
 
 
 @pytest.mark.parametrize(("name", "of"), CRITERIA)
@@ -206,7 +206,7 @@ def test_searches_maximise_what_is_reported(name: str, of: Any) -> None:
     assert 0.5 < aware.efficiency.at_least <= 1 + 1e-9
     # The certificate holds for designs of the same size that were found in another way.
     candidates = fp.Experiments.join([drawn(150, seed=7), aware.points])
-    weights = fp.approximate(decay(uncertain=STD), candidates, goal=fp.Goal(name, of=of), n_experiments=5)
+    weights = fp.approximate_design(decay(uncertain=STD), candidates, goal=fp.Goal(name, of=of), n_experiments=5)
     assert weights.efficiency > 0.999
     share = weights.efficiency_of(aware.points)
     assert 0.5 < share <= 1.0
@@ -224,7 +224,7 @@ def test_the_paper_s_search_maximises_it_too() -> None:
 
 def test_exact_designs_of_candidates_are_the_best_of_all() -> None:
     candidates = drawn(8, seed=11)
-    found = fp.exact(decay(uncertain=STD), candidates, 3)
+    found = fp.exact_design(decay(uncertain=STD), candidates, 3)
     from itertools import combinations_with_replacement
 
     best = max(np.linalg.slogdet(dense(candidates[list(rows)]))[1] for rows in combinations_with_replacement(range(8), 3))
@@ -253,11 +253,11 @@ def test_pieces_of_a_record_are_picked_for_it() -> None:
     record = fp.Record(0.2 * np.arange(48), u, y)
     given = decay(uncertain=STD, initial_state_std={"x": 0.05})
     pieces = fp.pieces(record, DECAY, length=8, states={"x": y[:, 0] / 2})
-    found = fp.best_pieces(given, pieces, 3)
+    found = fp.design_pieces(given, pieces, 3)
     values = []
     for rows in combinations(range(len(pieces)), 3):
         runs, _ = pieces.cut(np.array(rows))
-        values.append(fp.evaluate_design(given, runs).log_det)
+        values.append(fp.evaluate(given, runs).log_det)
     assert found.evaluation.log_det == pytest.approx(max(values), abs=1e-6)
     assert found.bound >= found.log_det - 1e-9
 
@@ -273,7 +273,7 @@ def test_a_singular_design_names_parameters_alone() -> None:
     assert design.evaluation.rank == 1
     assert [set(direction) for direction in design.evaluation.null_directions] == [{"a", "b"}]
     assert [set(direction) for direction in design.not_told] == [{"a", "b"}]
-    weights = fp.approximate(given, design.points, n_experiments=3)
+    weights = fp.approximate_design(given, design.points, n_experiments=3)
     assert [set(direction) for direction in weights.null_directions] == [{"a", "b"}]
 
 

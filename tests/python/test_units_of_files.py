@@ -112,8 +112,8 @@ def test_what_cannot_be_converted_is_refused(tmp_path: Path, old: str, new: str,
 
 
 def test_numbers_are_converted_in_python() -> None:
-    assert fp.convert(90.0, "min", "h") == 1.5
-    assert fp.convert([20.0, 80.0], "degC", "K") == pytest.approx([293.15, 353.15])
-    assert fp.convert(2.0, " degC", "K", width=True) == 2.0 and fp.convert(2.0, " degC", "K") == 275.15
+    assert fp.convert_unit(90.0, "min", "h") == 1.5
+    assert fp.convert_unit([20.0, 80.0], "degC", "K") == pytest.approx([293.15, 353.15])
+    assert fp.convert_unit(2.0, " degC", "K", width=True) == 2.0 and fp.convert_unit(2.0, " degC", "K") == 275.15
     with pytest.raises(ValueError, match=r"^given: expected a unit of what is in 'kg', given 'N', which measures something else"):
-        fp.convert(1.0, "N", "kg")
+        fp.convert_unit(1.0, "N", "kg")

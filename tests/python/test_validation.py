@@ -54,7 +54,7 @@ def test_a_linear_model_keeps_its_promise() -> None:
     found = fp.validate(line(), {"spread": SPREAD, "narrow": at(0.9, 1.0, 1.1, 1.2)}, runs=2000)
     for name, points in (("spread", SPREAD), ("narrow", at(0.9, 1.0, 1.1, 1.2))):
         design = found.designs[name]
-        promised = fp.evaluate_under_noise(line(), points)
+        promised = fp.evaluate(line(), points, output_covariance="noise")
         assert promised is not None and promised.standard_errors is not None
         assert design.fits == 2000 and not design.failures
         for parameter, of in design.parameters.items():
@@ -204,7 +204,7 @@ def test_outputs_without_noise_are_not_measured(cylinder: tuple[fp.DesignProblem
 def test_the_cylinder_keeps_its_promise_at_the_mean(cylinder: tuple[fp.DesignProblem, fp.Experiments]) -> None:
     given, points = cylinder
     found = fp.validate(given, {"d": points}, runs=400, theta="mean").designs["d"]
-    promised = fp.evaluate_under_noise(given, points)
+    promised = fp.evaluate(given, points, output_covariance="noise")
     assert promised is not None and promised.standard_errors is not None
     good = [of for of in found.parameters.values() if of.well_determined]
     assert len(good) >= 5

@@ -67,7 +67,7 @@ def test_what_was_tried_is_not_tried_again(problem: fp.DesignProblem, monkeypatc
     np.testing.assert_array_equal(valid, with_covariance(problem, given, None)[1] == 0)
 
 
-@pytest.mark.parametrize("rule", [fp.TensorGrid(3), fp.Linearized(), fp.Unscented()])
+@pytest.mark.parametrize("rule", [fp.TensorGrid(3), fp.LinearizedRule(), fp.Unscented()])
 def test_rules_of_many_or_few_nodes_are_asked_as_they_are(problem: fp.DesignProblem, rule: fp.Rule) -> None:
     other = problem.replace(rule=rule)
     validity, given = Validity(other, None), candidates(other, 30, 2)

@@ -300,7 +300,7 @@ def test_designs_need_no_names() -> None:
     assert list(fp.validate(problem, [points, points[:2]], runs=10).designs) == ["design 1", "design 2"]
     assert list(fp.validate(problem, {"mine": points}, runs=10).designs) == ["mine"]
     assert list(fp.compare(problem, [points, points[:2]]).designs) == ["design 1", "design 2"]
-    weights = fp.approximate(problem, candidates=at(np.linspace(-1, 1, 5)))
+    weights = fp.approximate_design(problem, candidates=at(np.linspace(-1, 1, 5)))
     with pytest.raises(TypeError, match=r"designs.*given ApproximateDesign"):
         fp.validate(problem, {"w": weights}, runs=10)
     with pytest.raises(ValueError, match="designs: expected at least one, given none"):

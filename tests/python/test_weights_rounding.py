@@ -100,4 +100,4 @@ def test_what_cannot_be_reached_is_told() -> None:
 @pytest.mark.parametrize("options", [{"goal": "E"}, {"goal": "E", "n_candidates": 500}])
 def test_designs_for_the_least_eigenvalue_have_their_certificate(options: dict[str, object]) -> None:
     problem = fp.load_problem(Path(__file__).parents[2] / "examples" / "michaelis_menten.toml")
-    assert fp.approximate(problem, **options).efficiency > 1 - 1e-5  # type: ignore[arg-type]
+    assert fp.approximate_design(problem, **options).efficiency > 1 - 1e-5  # type: ignore[arg-type]

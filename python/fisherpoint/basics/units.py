@@ -136,10 +136,10 @@ def check_unit(text: object, place: str) -> str:
 
 
 @overload
-def convert(values: float, given: str, wanted: str, *, width: bool = ...) -> float: ...
+def convert_unit(values: float, given: str, wanted: str, *, width: bool = ...) -> float: ...
 @overload
-def convert(values: Sequence[float] | NDArray[Any], given: str, wanted: str, *, width: bool = ...) -> Array: ...
-def convert(values: ArrayLike, given: str, wanted: str, *, width: bool = False) -> float | Array:
+def convert_unit(values: Sequence[float] | NDArray[Any], given: str, wanted: str, *, width: bool = ...) -> Array: ...
+def convert_unit(values: ArrayLike, given: str, wanted: str, *, width: bool = False) -> float | Array:
     """Return numbers in another unit.
 
     Decimal factors are exact: 12.5 mm are the number nearest to 0.0125. Temperatures in degC and in K differ by 273.15, their

@@ -41,7 +41,7 @@ SAMPLE = 2000
 
 
 @with_options
-def approximate(
+def approximate_design(
     problem: DesignProblem,
     candidates: Experiments | None = None,
     *,
@@ -98,7 +98,7 @@ def approximate(
     started = time.perf_counter()
     check_type(problem, DesignProblem, "problem")
     check_additive(problem)
-    goal = goal_of(goal, "approximate")
+    goal = goal_of(goal, "approximate_design")
     criterion = criterion_of(problem, goal, threads)
     starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)

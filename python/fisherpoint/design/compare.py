@@ -194,7 +194,7 @@ def compare(
     Raises
     ------
     TypeError, ValueError
-        For misuse, and as `evaluate_design`; the message names the design. A design that does not reach its end at the prior mean
+        For misuse, and as `evaluate`; the message names the design. A design that does not reach its end at the prior mean
         stands beside the others without information.
     """
     check_type(problem, DesignProblem, "problem")

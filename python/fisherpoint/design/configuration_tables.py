@@ -14,7 +14,7 @@ from ..basics.messages import listed
 from ..basics.quantity import Quantity
 from ..basics.toml_messages import fail, toml
 from ..basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
-from ..basics.units import convert, same_zero
+from ..basics.units import convert_unit, same_zero
 from ..models import Model
 from ..points.rest import Rest
 from ..points.settings import COARSEST, FINEST
@@ -37,7 +37,7 @@ class Std(Constant):
 def stds(table: Mapping[str, Std], quantities: Iterable[Quantity]) -> dict[str, float]:
     """Standard deviations in the units of the quantities."""
     units = {quantity.name: quantity.unit for quantity in quantities}
-    return {name: convert(entry.value, entry.unit or units[name], units[name], width=True) for name, entry in table.items()}
+    return {name: convert_unit(entry.value, entry.unit or units[name], units[name], width=True) for name, entry in table.items()}
 
 
 class PriorEntry(Table):
@@ -75,7 +75,7 @@ class PriorEntry(Table):
                     "as a share of the mean is not the same in both"
                 )
             std = (self.relative_std or 0.0) * abs(self.mean)
-        return convert(self.mean, given, wanted), convert(std, given, wanted, width=True)
+        return convert_unit(self.mean, given, wanted), convert_unit(std, given, wanted, width=True)
 
 
 def _share(given: float, most: float) -> float:
@@ -103,7 +103,7 @@ class BoundsEntry(Abbreviated):
 
     def pair(self, quantity: Quantity) -> tuple[float, float]:
         """Both bounds in the unit of what they are of."""
-        lower, upper = convert(self.bounds, self.unit or quantity.unit, quantity.unit)
+        lower, upper = convert_unit(self.bounds, self.unit or quantity.unit, quantity.unit)
         return float(lower), float(upper)
 
 
@@ -155,7 +155,7 @@ def _in_units(table: Mapping[str, Constant], quantities: Iterable[Quantity]) -> 
     """Values in the units of the quantities; those of other names as they are."""
     units = {quantity.name: quantity.unit for quantity in quantities}
     known = {name: (entry.unit or units.get(name, "1"), units.get(name, entry.unit or "1")) for name, entry in table.items()}
-    return {name: convert(entry.value, *known[name]) for name, entry in table.items()}
+    return {name: convert_unit(entry.value, *known[name]) for name, entry in table.items()}
 
 
 class RunsTable(Table):

@@ -59,7 +59,7 @@ class Efficiency:
         replaced by what is maximised here and in `at_least`.
     at_least : float or None
         The D-efficiency of the design against that, a lower bound of its efficiency among designs of these candidates. It says
-        nothing of points between them: `fisherpoint.approximate` searches the region.
+        nothing of points between them: `fisherpoint.approximate_design` searches the region.
     n_candidates : int
         How many candidates the bound is of.
     best_found, vs_best : float or None

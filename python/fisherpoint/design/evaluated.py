@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..information.evaluate import evaluate_design, evaluate_under_noise
+from ..information.evaluate import evaluate, evaluate_under_noise
 from ..information.evaluation import Evaluation
 from ..information.problem import DesignProblem
 from ..points.experiments import Experiments
@@ -32,7 +32,7 @@ class EvaluatedPoints:
 
 def evaluate_points(problem: DesignProblem, points: Experiments, threads: int | None = None) -> EvaluatedPoints:
     """Evaluate `points` under the problem's output covariance and, where the noise is known, under it alone."""
-    evaluation = evaluate_design(problem, points, threads=threads)
+    evaluation = evaluate(problem, points, threads=threads)
     same = problem.output_covariance == "noise"
     under_noise = evaluation if same else evaluate_under_noise(problem, points, threads=threads)
     return EvaluatedPoints(problem, points, evaluation, under_noise)

@@ -31,7 +31,7 @@ MOST_EXPERIMENTS, MOST_NODES = 10_000, 10**9
 
 
 @with_options
-def exact(
+def exact_design(
     problem: DesignProblem,
     candidates: Experiments,
     n_experiments: int,
@@ -91,7 +91,7 @@ def exact(
     check_additive(problem)
     check_type(candidates, Experiments, "candidates")
     n = check_positive_int(n_experiments, "n_experiments", 1, MOST_EXPERIMENTS)
-    goal = goal_of(goal, "exact")
+    goal = goal_of(goal, "exact_design")
     criterion = criterion_of(problem, goal, threads)
     gap = as_positive(gap, "gap")
     if not 1e-9 <= gap <= 0.5:

@@ -15,7 +15,7 @@ from ..information.point_information import PointInformation
 from ..information.problem import DesignProblem
 from ..points.sense import sensible
 from ..prior.gaussian import GaussianPrior
-from ..prior.rules import Linearized, Rule, Sobol
+from ..prior.rules import LinearizedRule, Rule, Sobol
 from .average import Average
 
 KINDS = ("log", "worst", "cvar")
@@ -45,7 +45,7 @@ class OverPrior(Options):
     def __post_init__(self) -> None:
         set_field = object.__setattr__
         check_choice(self.kind, KINDS, "kind")
-        if isinstance(self.scenarios, Linearized) or (isinstance(self.scenarios, Rule) and self.scenarios.signed):
+        if isinstance(self.scenarios, LinearizedRule) or (isinstance(self.scenarios, Rule) and self.scenarios.signed):
             raise ValueError(
                 "scenarios: expected a rule whose nodes have positive weights, such as fisherpoint.Sobol(8), "
                 f"given {type(self.scenarios).__name__}"

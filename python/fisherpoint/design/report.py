@@ -234,7 +234,7 @@ def _efficiency(design: FoundDesign) -> Iterator[Section]:
         facts.append((of_all, f"{at_least(efficiency.at_least)} ({bound_of(design, efficiency.at_most)})"))
         notes = [
             "Proven by the weights that are best for these candidates; designs of whole points may all fall short of them. It says "
-            "nothing of points between the candidates: fp.approximate searches the region."
+            "nothing of points between the candidates: fp.approximate_design searches the region."
         ]
     if efficiency.vs_best is not None:
         other = f"(log det {efficiency.best_found:.4f})"

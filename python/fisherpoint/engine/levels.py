@@ -59,13 +59,13 @@ def _module(level: str) -> str:
     return f"{__package__}._kernels_{level}"
 
 
-def available_isas() -> tuple[str, ...]:
+def instruction_sets() -> tuple[str, ...]:
     """Return the instruction-set levels that this machine has and that are installed, the best last."""
     return tuple(level for level in _core.supported_isas() if find_spec(_module(level)))
 
 
 def _choose() -> str:
-    available = available_isas()
+    available = instruction_sets()
     if not available:
         raise ImportError(f"expected kernels for one of {_core.supported_isas()}, given none: reinstall fisherpoint")
     wanted = os.environ.get("FISHERPOINT_ISA")
@@ -78,13 +78,13 @@ def _choose() -> str:
     return wanted
 
 
-__all__ = ["Kernels", "available_isas", "isa", "kernels"]
+__all__ = ["Kernels", "instruction_set", "instruction_sets", "kernels"]
 
 _ISA = _choose()
 if not TYPE_CHECKING:
     kernels = import_module(_module(_ISA))
 
 
-def isa() -> str:
+def instruction_set() -> str:
     """Return the instruction-set level in use."""
     return _ISA

@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from .levels import isa
+from .levels import instruction_set
 
 
 def versions() -> dict[str, str]:
@@ -16,4 +16,4 @@ def versions() -> dict[str, str]:
         own = version("fisherpoint")
     except PackageNotFoundError:
         own = "unknown"
-    return {"fisherpoint": own, "numpy": np.__version__, "python": platform.python_version(), "isa": isa()}
+    return {"fisherpoint": own, "numpy": np.__version__, "python": platform.python_version(), "isa": instruction_set()}

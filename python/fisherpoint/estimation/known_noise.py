@@ -16,7 +16,7 @@ from ..points.broken_limits import refuse_failures
 from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import Integration
-from ..prior.rules import Linearized, Rule
+from ..prior.rules import LinearizedRule, Rule
 from .run_error import RunError, run_errors
 
 
@@ -89,7 +89,7 @@ class KnownNoise:
         return share
 
     def _of_runs(self, data: Measurements, theta: Array, first: int) -> Iterator[RunError]:
-        if self.rule is not None and not isinstance(self.rule, Linearized):
+        if self.rule is not None and not isinstance(self.rule, LinearizedRule):
             raise ValueError(f"rule: expected tangents, None, for runs, given {self.rule}")
         assumed = assumed_of(self.model, None, self.varies, self.initial_state_std)
         settings = Integration(self.rtol, threads=self.threads)

@@ -26,7 +26,7 @@ from ..points.run_trajectories import checked_sensitivities
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior
-from ..prior.rules import Linearized, Rule
+from ..prior.rules import LinearizedRule, Rule
 
 MARGIN = 3.0
 """Standard deviations of a surface's value, under those of the start, that a point keeps from a jump or limit."""
@@ -209,7 +209,7 @@ def assumed_covariance(
     values = model.theta(theta)
     assumed = assumed_of(model, None, varies, initial_state_std)
     settings = checked_arguments(model, points, values, rtol, threads, kinks, jumps, None)
-    if rule is not None and not isinstance(rule, Linearized):
+    if rule is not None and not isinstance(rule, LinearizedRule):
         check_type(rule, Rule, "rule")
         return AssumedCovariance(*assumed.predictive(points, values, rule, settings))
     result = checked_sensitivities(assumed.model, points, assumed.theta(values), settings, outputs_alone=True)

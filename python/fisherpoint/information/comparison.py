@@ -16,7 +16,7 @@ from ..basics.kept import Kept
 from ..basics.values import Array
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, predictive_covariance
-from ..prior.rules import GaussHermite, Linearized, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+from ..prior.rules import GaussHermite, LinearizedRule, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
 from ..show.numbers import counted
 from ..show.section import Report, Section
 from ..show.shown import Plots, Shown
@@ -208,7 +208,7 @@ def compare_rules(
 def _default_rules(problem: DesignProblem) -> tuple[Rule, ...]:
     small = 3 ** len(problem.estimated) <= LARGEST_GRID
     grids: list[Rule] = [TensorGrid(), GaussHermite(3)] if small else []
-    rules = [Linearized(), Unscented(), SparseGaussHermite(2), SparseGaussHermite(3), *grids, *(Sobol(4**n) for n in (5, 6, 7))]
+    rules = [LinearizedRule(), Unscented(), SparseGaussHermite(2), SparseGaussHermite(3), *grids, *(Sobol(4**n) for n in (5, 6, 7))]
     return tuple(rules if problem.rule in rules else [*rules, problem.rule])
 
 

@@ -7,17 +7,19 @@ import warnings
 from ..basics.checks import check_flag, check_type
 from ..points.runs import Points, Runs, as_runs
 from .evaluation import Evaluation, evaluate_information
-from .output_covariance import needs_covariances, output_covariance
+from .output_covariance import OutputCovariance, needs_covariances
+from .output_covariance import output_covariance as d_of
 from .point_information import PointInformation
 from .previous import Previous, previous_information
 from .problem import DesignProblem
 from .run_information import information_of
 
 
-def evaluate_design(
+def evaluate(
     problem: DesignProblem,
     points: Points,
     *,
+    output_covariance: str | OutputCovariance | None = None,
     threads: int | None = None,
     previous: Previous | None = None,
     prior_information: bool = False,
@@ -31,6 +33,8 @@ def evaluate_design(
     points : Experiments or Runs
         At least one point, or run. The rule is run over the prior where D needs it ("pooled" and "pointwise"); runs take D = R, and
         what is uncertain moves all samples of a run at once.
+    output_covariance : "noise", "region", "pooled", "pointwise" or array (n_y, n_y), optional
+        D of (7), or None for that of the problem. Under "noise" standard errors are those of an estimate.
     threads : int, optional
     previous : Measurements, Experiments, Design, or a sequence of these, optional
         Points whose information is already collected, as for `exchange`: the evaluation is of all points together.
@@ -49,6 +53,8 @@ def evaluate_design(
         information is to count under another D than R.
     """
     check_type(problem, DesignProblem, "problem")
+    if output_covariance is not None:
+        problem = problem.replace(output_covariance=output_covariance)
     runs, kind = _checked_runs(points), str(problem.output_covariance)
     if check_flag(prior_information, "prior_information") and kind != "noise":
         raise ValueError(f"prior_information: expected output_covariance 'noise', under which F is information, given {kind!r}")
@@ -59,7 +65,7 @@ def evaluate_design(
         warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
     if known is not None:
         information = PointInformation.join([known, information])
-    return evaluate_information(problem, information, output_covariance(problem, information, threads), threads, prior_information)
+    return evaluate_information(problem, information, d_of(problem, information, threads), threads, prior_information)
 
 
 def evaluate_under_noise(
@@ -75,8 +81,9 @@ def evaluate_under_noise(
     _checked_runs(points)
     if problem.noise_std is None:
         return None
-    under_noise = problem.replace(output_covariance="noise")
-    return evaluate_design(under_noise, points, threads=threads, previous=previous, prior_information=prior_information)
+    return evaluate(
+        problem, points, output_covariance="noise", threads=threads, previous=previous, prior_information=prior_information
+    )
 
 
 def _checked_runs(points: Points) -> Runs:

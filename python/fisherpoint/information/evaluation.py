@@ -68,7 +68,7 @@ class Evaluation(Shown, Kept):
         Cramer-Rao bound (sum_k S_k^T D^-1 S_k)^-1 in SI units; None where F is singular.
     standard_errors, rse : mapping of parameter name to float, or None
         Square roots of its diagonal, SI units, and their shares of the |prior mean|, inf where that is zero. Only where D is R are
-        they those of an estimate: see `evaluate_under_noise`.
+        they those of an estimate: see `output_covariance` of `evaluate`.
     correlation : ndarray, (p, p), or None
     rank : int
     null_directions : tuple of mappings of parameter name to float
@@ -206,7 +206,7 @@ class Evaluation(Shown, Kept):
             last = [] if alone is None else [computed(alone[name])]
             rows.append((name, self.units.get(name, "-"), number(std), computed(error), share, percent(error / std), *last))
         marked = [k for k, name in enumerate(self.parameters) if name in self.weak_parameters]
-        notes = [] if kind == "noise" else ["Those of an estimate only where D is R: see evaluate_under_noise"]
+        notes = [] if kind == "noise" else ["Those of an estimate only where D is R: see output_covariance of evaluate"]
         notes += [] if alone is None else [WITH_PRIOR]
         notes += [] if self.nearby is None else [self.nearby.described]
         facts = [("output covariance D", kind), ("outputs used", ", ".join(self.outputs))]

@@ -16,7 +16,7 @@ from ..points.experiments import Experiments
 from ..points.predictive import nodes_of
 from ..points.settings import Integration
 from ..points.status import Status
-from ..prior.rules import Linearized
+from ..prior.rules import LinearizedRule
 from .longest import longest
 from .problem import DesignProblem
 
@@ -71,7 +71,7 @@ class PilotNodes:
         self._weights = np.empty(0)
         if not problem.model.in_core:
             return
-        if not isinstance(rule, Linearized) and rule.size(problem.prior) <= MOST:
+        if not isinstance(rule, LinearizedRule) and rule.size(problem.prior) <= MOST:
             theta, weights = nodes_of(rule, problem.prior, names_of(problem.model.parameters), problem.estimated).nodes()
             if len(theta) > 2 * FEW:
                 self._theta, self._weights = self.at(theta), np.abs(weights) / np.abs(weights).sum()

@@ -20,7 +20,7 @@ from ..points.runs import Points, Runs, joined
 from ..points.settings import checked_arguments
 from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior
-from ..prior.rules import Linearized, Rule
+from ..prior.rules import LinearizedRule, Rule
 from .problem import DesignProblem
 
 MOST_POINTS = 20_000
@@ -117,7 +117,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
     if assumed is not None and assumed.columns:
         share = assumed.covariance(result.dy_dtheta)
         status = only_finite(status, share)
-        if problem.assumed_covariance == "predictive" and not isinstance(problem.rule, Linearized):
+        if problem.assumed_covariance == "predictive" and not isinstance(problem.rule, LinearizedRule):
             share, over_nodes = assumed.predictive(points, problem.theta, problem.rule, settings)
             status = np.where(status != Status.ok, status, over_nodes)
     return PointInformation(points, scaled, np.zeros((len(points), n_y, n_y)), share), status
@@ -125,7 +125,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
 
 def with_covariance(problem: DesignProblem, given: PointInformation, threads: int | None) -> tuple[PointInformation, IntArray]:
     """Return the points with their predictive covariances, and the statuses over all nodes of the rule."""
-    if isinstance(problem.rule, Linearized):
+    if isinstance(problem.rule, LinearizedRule):
         return with_linearized_covariance(problem, given)
     result = _over_nodes(problem, given.experiments, threads, True)
     return replace(given, covariance=result.covariance), result.status
@@ -133,7 +133,7 @@ def with_covariance(problem: DesignProblem, given: PointInformation, threads: in
 
 def statuses_over_nodes(problem: DesignProblem, points: Experiments, threads: int | None) -> IntArray:
     """The statuses of `with_covariance` alone, of points that are ok at the prior mean."""
-    if isinstance(problem.rule, Linearized):
+    if isinstance(problem.rule, LinearizedRule):
         return np.zeros(len(points), dtype=np.int32)
     return _over_nodes(problem, points, threads, False).status
 

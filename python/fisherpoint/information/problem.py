@@ -52,7 +52,7 @@ class DesignProblem(InNotebooks):
     noise_std : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units; R of (17) is their squares. An output that is not named is not
         measured: it adds no information, and data of it are left out.
-    rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
+    rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or LinearizedRule
         How expectations over the prior are taken. Default: `SparseGaussHermite(2)`; the paper's cells are `TensorGrid()`.
     output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
         D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the

@@ -18,7 +18,7 @@ from typing import Any
 from ..basics.messages import printable
 from ..basics.quantity import Quantity
 from ..engine import _core
-from ..engine.levels import isa
+from ..engine.levels import instruction_set
 from .base import Model
 from .cpp_source import cpp_model
 from .library_cache import LibraryCache
@@ -73,7 +73,12 @@ def compiled_model(model: Model, states: Sequence[Quantity], programs: Programs,
     if include is None:
         _stays_interpreted("expected the core's headers beside the package, found none")
         return None
-    flags = [*_FLAGS, *([] if isa() == "generic" else [f"-march=x86-64-{isa()}"]), *_whole_moves(compiler), f"-I{include}"]
+    flags = [
+        *_FLAGS,
+        *([] if instruction_set() == "generic" else [f"-march=x86-64-{instruction_set()}"]),
+        *_whole_moves(compiler),
+        f"-I{include}",
+    ]
     sources = {_MODEL: cpp_model(model, states, programs, _NAME)}
     sources[_EXPORTS] = "{ global: fisherpoint_kernels; local: *; };\n"
     includes = f'#include "{_MODEL}"\n#include "fisherpoint/compiled/c_kernels.hpp"\n\n'
@@ -118,7 +123,7 @@ def find_compiler() -> str | None:
 
 def _whole_moves(compiler: str) -> tuple[str, ...]:
     """Return `_WHOLE_MOVES` where they pay and the compiler takes them, as g++ does from version 12 on."""
-    if isa() not in ("v2", "v3"):
+    if instruction_set() not in ("v2", "v3"):
         return ()
     with contextlib.suppress(OSError):
         answer = subprocess.run([compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)

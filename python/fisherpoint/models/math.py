@@ -1,7 +1,6 @@
 """Functions for the equations of a model: ``fp.math.sqrt(x.h)``, on the symbols that a model function receives, or on numbers.
 
-They need SymPy. The same functions, under the same names, may be used in equations as text. ``fp.sqrt`` is ``fp.math.sqrt``, and so
-are the others.
+They need SymPy. The same functions, under the same names, may be used in equations as text.
 
 Arguments are terms of equations or numbers; anything else raises TypeError or ValueError. Where a function is not smooth or not
 defined, the core ends its steps there or ends the trajectory: see the statuses.

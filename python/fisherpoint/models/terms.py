@@ -22,7 +22,7 @@ from .tape.parts import cases, compared
 
 OF_CONDITIONS = (
     "expected conditions, with brackets around each comparison: (a > 0) & (b > 0), (a > 0) | (b > 0), ~(a > 0); "
-    "where(condition, a, b) instead of if; fp.max and fp.min instead of max and min"
+    "where(condition, a, b) instead of if; fp.math.max and fp.math.min instead of max and min"
 )
 
 

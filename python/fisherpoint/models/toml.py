@@ -10,7 +10,7 @@ from ..basics.checks import as_path
 from ..basics.toml_data import parse_toml, read_toml
 from ..basics.toml_messages import fail, fail_of
 from ..basics.toml_tables import Table, validated, wrong_entries, wrong_names
-from ..basics.units import convert
+from ..basics.units import convert_unit
 from .base import Model
 from .hydraulic_cylinder import MODELS
 from .toml_tables import ModelTable
@@ -82,5 +82,5 @@ def _built(table: ModelTable) -> Model:
         return model_of_table(table)
     kind = MODELS[table.name]
     units = {quantity.name: quantity.unit for quantity in kind.constant_quantities}
-    values = {name: convert(entry.value, entry.unit or units[name], units[name]) for name, entry in table.constants.items()}
+    values = {name: convert_unit(entry.value, entry.unit or units[name], units[name]) for name, entry in table.constants.items()}
     return kind(smooth=table.smooth, **values)

@@ -13,7 +13,7 @@ from ..basics.values import Array, IntArray
 from ..engine import _core
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
-from ..prior.rules import Linearized, Rule
+from ..prior.rules import LinearizedRule, Rule
 from ..show.numbers import counted
 from .experiments import Experiments
 from .natural_sizes import warn_of_small_states
@@ -87,7 +87,7 @@ def predictive_covariance(
     model, points, rtol, threads, kinks, jumps, method
         As in `simulate`.
     prior : GaussianPrior
-    rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or Linearized
+    rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or LinearizedRule
     parameters : tuple of str, optional
         Parameters that vary; the others stay at their mean. Default: all.
 
@@ -112,7 +112,7 @@ def predictive_covariance(
     check_names(prior.names, names, "prior")
     varied = some_names_among(names if parameters is None else parameters, names, "parameters")
     theta = model.theta({name: prior.mean[name] for name in names})
-    if isinstance(rule, Linearized):
+    if isinstance(rule, LinearizedRule):
         arguments = checked_arguments(model, points, theta, rtol, threads, kinks, jumps, method)
         result = checked_sensitivities(model, points, theta, arguments, outputs_alone=True)
         warn_of_small_states(model, "the trajectories keep", points.x0, result.x)

@@ -47,13 +47,13 @@ NO_PLANTS = "only fisherpoint.exchange and fisherpoint.design_runs look at the p
 
 UNABLE: Mapping[str, Mapping[str, str]] = {
     "sweep": {"confidence": NO_PLANTS},
-    "approximate": {
+    "approximate_design": {
         "criterion 'ME'": NO_BOUND,
         "criterion 'E' with over": "the smallest eigenvalue has kinks of its own",
         "confidence": NO_PLANTS,
     },
-    "exact": {"criterion 'ME'": NO_BOUND, "over": "its bounds are of the prior mean", "confidence": NO_PLANTS},
-    "best_pieces": {
+    "exact_design": {"criterion 'ME'": NO_BOUND, "over": "its bounds are of the prior mean", "confidence": NO_PLANTS},
+    "design_pieces": {
         **{f"criterion {name!r}": "windows are picked by log det F" for name in CRITERIA[1:]},
         "over": "windows are picked at the prior mean",
         "prior_information": "windows are picked by what they say themselves",

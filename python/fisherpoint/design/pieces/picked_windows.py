@@ -28,7 +28,7 @@ CHOICES = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PickedWindows:
-    """The windows that `best_pieces` picked, with what is needed to judge them and to estimate from them.
+    """The windows that `design_pieces` picked, with what is needed to judge them and to estimate from them.
 
     Attributes
     ----------

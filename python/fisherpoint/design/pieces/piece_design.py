@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PieceDesign(PickedWindows, Shown, Kept):
-    """The windows that `best_pieces` picked, to judge them and to estimate from them; `PickedWindows` has its attributes."""
+    """The windows that `design_pieces` picked, to judge them and to estimate from them; `PickedWindows` has its attributes."""
 
     @property
     def points(self) -> Runs:

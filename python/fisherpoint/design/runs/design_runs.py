@@ -14,7 +14,7 @@ from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
 from ...information.combinations import combinations
-from ...information.evaluate import evaluate_design
+from ...information.evaluate import evaluate
 from ...information.feasibility import Feasibility, feasibility_within
 from ...information.output_covariance import output_covariance
 from ...information.point_information import PointInformation
@@ -153,13 +153,13 @@ def design_runs(
             )
         end = _judged(search, kept, stop_reason)
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
-        evaluation = evaluate_design(problem, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
+        evaluation = evaluate(problem, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
         if goal.requires_all and evaluation.null_directions and stop_reason == StopReason.completed:
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     scenarios = None
     if goal.over is not None:
         of_each = [
-            evaluate_design(moved, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
+            evaluate(moved, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
             for moved in problems
         ]
         of_mean = None  # of F as in (7)

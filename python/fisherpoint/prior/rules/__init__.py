@@ -1,7 +1,7 @@
 """How expectations over the prior are taken: rules that turn a prior into weighted nodes."""
 
 from .base import MAX_LOST_WEIGHT, Rule
-from .linearized import Linearized
+from .linearized import LinearizedRule
 from .sobol import Sobol
 from .sparse import SparseGaussHermite, Unscented
 from .tensor import GaussHermite, TensorGrid
@@ -12,7 +12,7 @@ RULES: dict[str, type[Rule]] = {
     "sparse_gauss_hermite": SparseGaussHermite,
     "sobol": Sobol,
     "unscented": Unscented,
-    "linearized": Linearized,
+    "linearized": LinearizedRule,
 }
 """The rules by the names that files call them."""
 
@@ -24,7 +24,7 @@ __all__ = [
     "MAX_LOST_WEIGHT",
     "RULES",
     "GaussHermite",
-    "Linearized",
+    "LinearizedRule",
     "Rule",
     "Sobol",
     "SparseGaussHermite",

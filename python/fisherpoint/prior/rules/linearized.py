@@ -15,7 +15,7 @@ from .base import Rule
 
 
 @dataclass(frozen=True)
-class Linearized(Rule):
+class LinearizedRule(Rule):
     """S Sigma S^T with the sensitivities S at the prior mean and the covariance Sigma of the parameters: no node but the mean.
 
     The status of a point is that of its trajectory at the mean: nothing is tried elsewhere.

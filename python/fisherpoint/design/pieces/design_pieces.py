@@ -30,7 +30,7 @@ RANDOM_CHOICES = 200
 
 
 @with_options
-def best_pieces(
+def design_pieces(
     problem: DesignProblem,
     pieces: Pieces,
     n_pieces: int,
@@ -81,7 +81,7 @@ def best_pieces(
     check_type(problem, DesignProblem, "problem")
     check_type(pieces, Pieces, "pieces")
     check_progress(progress)
-    goal = goal_of(goal, "best_pieces")
+    goal = goal_of(goal, "design_pieces")
     count, seed = check_positive_int(n_pieces, "n_pieces"), check_positive_int(seed, "seed", 0)
     problem = piece_problem(problem, pieces)
     _refuse_more(count, Windows(pieces.first, pieces.length))

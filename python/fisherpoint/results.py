@@ -1,0 +1,31 @@
+"""What results consist of: classes that nobody makes by hand, for annotations and `isinstance`."""
+
+from .data import RecordTrajectory
+from .design.compare import ComparedDesign, DesignComparison
+from .design.efficiency import Efficiency
+from .design.found import TraceRecord
+from .design.scenario_values import ScenarioValues
+from .design.settings import ExchangeSettings, RunSettings
+from .design.swept import SizedDesign
+from .information.comparison import RuleComparison
+from .information.feasibility import Feasibility
+from .information.identifiability import Identifiability
+from .information.nearby import Nearby
+from .validation.design_validation import DesignValidation
+
+__all__ = [
+    "ComparedDesign",
+    "DesignComparison",
+    "DesignValidation",
+    "Efficiency",
+    "ExchangeSettings",
+    "Feasibility",
+    "Identifiability",
+    "Nearby",
+    "RecordTrajectory",
+    "RuleComparison",
+    "RunSettings",
+    "ScenarioValues",
+    "SizedDesign",
+    "TraceRecord",
+]
