@@ -148,7 +148,7 @@ def test_a_batch_that_many_plants_cannot_run_is_told() -> None:
         ({"n_runs": 2}, TypeError, "settings: expected names of goal, n_starts, n_candidates; given 'n_runs'"),
         ({"n_starts": 0}, ValueError, "n_starts: expected a whole number of at least 1, given 0"),
         ({"goal": "B"}, ValueError, "criterion: expected 'D', "),
-        ({"confidence": 0.9}, TypeError, "settings: expected names of goal, n_starts, n_candidates; given 'confidence'"),
+        ({"confidence": 0.9}, TypeError, r"confidence: expected as goal=fp\.Goal\(confidence=...\), given to fp\.Campaign"),
         ({"batch": 0}, ValueError, "batch: expected a whole number of at least 1, given 0"),
         ({"batch": 10**6}, ValueError, "n_runs: expected a whole number of at most 1000, given 1000000"),
     ],
