@@ -10,8 +10,7 @@ import fisherpoint as fp
 from fisherpoint.basics.kept import encoded
 from fisherpoint.basics.messages import listed, shortened
 from fisherpoint.basics.toml_messages import toml
-
-RULES = ("TensorGrid", "GaussHermite", "SparseGaussHermite", "Sobol", "Unscented", "LinearizedRule")
+from fisherpoint.prior.rules import RULES
 
 OF_DESIGN = ("output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along")
 """Parts of a problem that the table [design] has."""
@@ -52,7 +51,8 @@ def _plain(data: Any) -> Any:
         return {name: _plain(one) for name, one in content}
     if kind in ("array", "float", "Model"):
         return content
-    return {name: _plain(one) for name, one in content.items()} | ({"kind": kind} if kind in RULES else {})
+    rules = {rule.__name__: name for name, rule in RULES.items()}
+    return {name: _plain(one) for name, one in content.items()} | ({"kind": rules[kind]} if kind in rules else {})
 
 
 def _settings(campaign: fp.Campaign) -> dict[str, Any]:

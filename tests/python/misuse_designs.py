@@ -76,7 +76,7 @@ def design_cases() -> dict[str, Case]:
             goal=("D",),
             progress=(None, NONE, FLAG, FUNCTION),
         ),
-        "approximate": case(
+        "approximate_design": case(
             fp.approximate_design,
             problem=(problem(),),
             candidates=(points(), POINTS, NONE),
@@ -89,7 +89,7 @@ def design_cases() -> dict[str, Case]:
             threads=threads,
             progress=(None, NONE, FLAG, FUNCTION),
         ),
-        "exact": case(
+        "exact_design": case(
             fp.exact_design,
             problem=(problem(),),
             candidates=(points(), POINTS),

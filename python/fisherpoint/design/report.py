@@ -104,7 +104,7 @@ def _header(quantity: Quantity) -> str:
 
 def _headline(evaluated: EvaluatedPoints) -> str:
     parameters, points = evaluated.evaluation.parameters, evaluated.points
-    previous = getattr(evaluated, "n_previous", 0)
+    previous = evaluated.n_previous if isinstance(evaluated, FoundDesign) else 0
     beside = f" beside {previous} previous ones" if previous else ""
     goal = evaluated.settings.goal.headline if isinstance(evaluated, FoundDesign) else ""
     return (
@@ -128,7 +128,7 @@ def points_section(title: str, model: Model, points: Experiments, most: int = RO
 
 
 def _kept(evaluated: EvaluatedPoints) -> list[str]:
-    return kept_note("Point", getattr(evaluated, "n_kept", 0))
+    return kept_note("Point", evaluated.n_kept if isinstance(evaluated, FoundDesign) else 0)
 
 
 def kept_note(kind: str, count: int) -> list[str]:
@@ -373,7 +373,7 @@ def _nearby_warnings(evaluated: EvaluatedPoints, nearby: Nearby) -> Iterator[str
 
 def _losing(evaluated: EvaluatedPoints, nearby: Nearby) -> str:
     """The points with less information there, as the report numbers them, and the verb."""
-    previous = getattr(evaluated, "n_previous", 0)
+    previous = evaluated.n_previous if isinstance(evaluated, FoundDesign) else 0
     own = [str(k - previous + 1) for k in nearby.points if k >= previous]
     texts = [f"point{'s' * (len(own) > 1)} {' and '.join(own)}"] if own else []
     texts += ["previous points"] * (len(own) < len(nearby.points))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Validation(ValidatedDesigns, Shown, Kept):
-    """What `validate` found; it shows itself as a table; `ValidatedDesigns` has its attributes."""
+    """What `validate` found, shown as a table; `ValidatedDesigns` has its attributes."""
 
     def _check_content(self) -> None:
         truths_of(self.problem, self.theta, 1, 0)

@@ -11,6 +11,7 @@ from ...basics.checks import as_path, check_choice
 from ...basics.extras import needed_for
 from ...basics.files import write_together
 from ...basics.kept import Kept
+from ...engine.versions import versions
 from ...information.problem_report import problem_sections
 from ...points.run_files import plan_csv, runs_csv
 from ...show.section import Report, Section
@@ -81,7 +82,9 @@ class RunDesign(FoundRuns, Shown, Kept):
         directory, model = as_path(directory, "directory"), self.problem.model
         tables = {"design.csv": runs_csv(self.runs, model), "plan.csv": plan_csv(self.runs, model)}
         directory.mkdir(parents=True, exist_ok=True)
-        write_together(directory, tables | {"design.json": self._file()}, stale=("report.txt", "report.html", *PICTURES))
+        write_together(
+            directory, tables | {"design.json": self._file(versions=versions())}, stale=("report.txt", "report.html", *PICTURES)
+        )
 
     @classmethod
     def load(cls, directory: str | Path) -> RunDesign:
