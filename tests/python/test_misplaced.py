@@ -24,8 +24,8 @@ SEARCHES: dict[str, Callable[..., Any]] = {
     "exchange": lambda **given: fp.exchange(PROBLEM, 2, **given),
     "design_runs": lambda **given: fp.design_runs(PROBLEM, 2, **given),
     "sweep": lambda **given: fp.sweep(PROBLEM, [2], **given),
-    "approximate": lambda **given: fp.approximate_design(PROBLEM, POINTS, **given),
-    "exact": lambda **given: fp.exact_design(PROBLEM, POINTS, 2, **given),
+    "approximate_design": lambda **given: fp.approximate_design(PROBLEM, POINTS, **given),
+    "exact_design": lambda **given: fp.exact_design(PROBLEM, POINTS, 2, **given),
     "design_pieces": lambda **given: fp.design_pieces(PROBLEM, None, 2, **given),  # type: ignore[arg-type]
     "criterion": lambda **given: fp.criterion(PROBLEM, **given),
 }
