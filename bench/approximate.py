@@ -7,9 +7,9 @@ from time import perf_counter
 
 import numpy as np
 
-from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.candidates.candidate_rows import CandidateRows
+from fisherpoint.design.goal.determinant import Determinant
+from fisherpoint.design.weights.weights import optimal_weights
 
 from . import fresh_process
 from .memory import peak_memory

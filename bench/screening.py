@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fisherpoint.design.points.exchange_search import ExchangeSearch
-from fisherpoint.design.settings import ExchangeMethod, ExchangeSettings
+from fisherpoint.design.results.settings import ExchangeMethod, ExchangeSettings
 from fisherpoint.engine import _core
 from fisherpoint.information.point_information import PointInformation, with_linearized_covariance
 from fisherpoint.points.settings import resolve_threads

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 
 from .runs import EXAMPLES
 

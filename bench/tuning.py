@@ -22,7 +22,7 @@ from fisherpoint.basics.values import Array
 from fisherpoint.design.points.auto_search import AutoSearch
 from fisherpoint.design.points.lineage import Lineage
 from fisherpoint.design.points.tuning import PointSearchTuning
-from fisherpoint.design.settings import ExchangeSettings
+from fisherpoint.design.results.settings import ExchangeSettings
 
 from .algorithm_cases import CASES, Case
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import scipy.optimize  # noqa: F401  (what is imported when it is used is not to count as solving)
 
 import fisherpoint as fp
-import fisherpoint.design.exchange
+import fisherpoint.design.points.exchange
 import fisherpoint.models.symbolic
 
 from .design_cases import DesignCase

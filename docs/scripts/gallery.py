@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 from fisherpoint.show.style import encoded
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "images"

@@ -11,25 +11,25 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .campaign.campaign import Campaign
     from .data import Measurements, Record, VirtualRig, simulate_record
     from .data.pieces import Pieces, pieces
-    from .design.approximate import approximate_design
-    from .design.compare import compare
-    from .design.configuration import load_problem
-    from .design.cost import Cost
-    from .design.exact import exact_design
-    from .design.exchange import exchange
-    from .design.optimality.approximate_design import ApproximateDesign
-    from .design.optimality.criteria import Criterion
-    from .design.optimality.exact_design import ExactDesign
-    from .design.optimality.goal import Goal
-    from .design.optimality.goal_criterion import criterion
-    from .design.over_prior import OverPrior
+    from .design.approximate.approximate import approximate_design
+    from .design.approximate.approximate_design import ApproximateDesign
+    from .design.compare.compare import compare
+    from .design.exact.exact import exact_design
+    from .design.exact.exact_design import ExactDesign
+    from .design.file.configuration import load_problem
+    from .design.goal.criteria import Criterion
+    from .design.goal.goal import Goal
+    from .design.goal.goal_criterion import criterion
+    from .design.goal.over_prior import OverPrior
     from .design.pieces.design_pieces import design_pieces
     from .design.pieces.piece_design import PieceDesign
-    from .design.result import Design
+    from .design.points.exchange import exchange
+    from .design.results.cost import Cost
+    from .design.results.result import Design
+    from .design.results.settings import ExchangeMethod
     from .design.runs.design_runs import design_runs
     from .design.runs.run_design import RunDesign
-    from .design.settings import ExchangeMethod
-    from .design.sweep import Sweep, sweep
+    from .design.sweep.sweep import Sweep, sweep
     from .engine.levels import instruction_set, instruction_sets
     from .estimation.estimate import estimate
     from .estimation.fit import Fit
@@ -148,25 +148,25 @@ _PLACES = {
     ".campaign.campaign": ("Campaign",),
     ".data": ("Measurements", "Record", "VirtualRig", "simulate_record"),
     ".data.pieces": ("Pieces", "pieces"),
-    ".design.approximate": ("approximate_design",),
-    ".design.compare": ("compare",),
-    ".design.configuration": ("load_problem",),
-    ".design.cost": ("Cost",),
-    ".design.exact": ("exact_design",),
-    ".design.exchange": ("exchange",),
-    ".design.optimality.approximate_design": ("ApproximateDesign",),
-    ".design.optimality.exact_design": ("ExactDesign",),
-    ".design.optimality.goal": ("Goal",),
-    ".design.optimality.goal_criterion": ("criterion",),
-    ".design.optimality.criteria": ("Criterion",),
-    ".design.over_prior": ("OverPrior",),
+    ".design.approximate.approximate": ("approximate_design",),
+    ".design.compare.compare": ("compare",),
+    ".design.file.configuration": ("load_problem",),
+    ".design.results.cost": ("Cost",),
+    ".design.exact.exact": ("exact_design",),
+    ".design.points.exchange": ("exchange",),
+    ".design.approximate.approximate_design": ("ApproximateDesign",),
+    ".design.exact.exact_design": ("ExactDesign",),
+    ".design.goal.goal": ("Goal",),
+    ".design.goal.goal_criterion": ("criterion",),
+    ".design.goal.criteria": ("Criterion",),
+    ".design.goal.over_prior": ("OverPrior",),
     ".design.pieces.design_pieces": ("design_pieces",),
     ".design.pieces.piece_design": ("PieceDesign",),
-    ".design.result": ("Design",),
+    ".design.results.result": ("Design",),
     ".design.runs.design_runs": ("design_runs",),
     ".design.runs.run_design": ("RunDesign",),
-    ".design.settings": ("ExchangeMethod",),
-    ".design.sweep": ("Sweep", "sweep"),
+    ".design.results.settings": ("ExchangeMethod",),
+    ".design.sweep.sweep": ("Sweep", "sweep"),
     ".engine.levels": ("instruction_set", "instruction_sets"),
     ".estimation.estimate": ("estimate",),
     ".estimation.fit": ("Fit",),

@@ -1,12 +1,12 @@
 """What results consist of: classes that nobody makes by hand, for annotations and `isinstance`."""
 
 from .data import RecordTrajectory
-from .design.compare import ComparedDesign, DesignComparison
-from .design.efficiency import Efficiency
-from .design.found import TraceRecord
-from .design.scenario_values import ScenarioValues
-from .design.settings import ExchangeSettings, RunSettings
-from .design.swept import SizedDesign
+from .design.compare.compare import ComparedDesign, DesignComparison
+from .design.results.efficiency import Efficiency
+from .design.results.found import TraceRecord
+from .design.results.scenario_values import ScenarioValues
+from .design.results.settings import ExchangeSettings, RunSettings
+from .design.sweep.swept import SizedDesign
 from .information.comparison import RuleComparison
 from .information.feasibility import Feasibility
 from .information.identifiability import Identifiability

@@ -20,7 +20,7 @@ from .partial_output import begin_writing
 from .standard_input import one_from_standard_input
 
 if TYPE_CHECKING:
-    from fisherpoint.design.configuration import Config
+    from fisherpoint.design.file.configuration import Config
 
 
 @framed(Output, force=False)
@@ -56,7 +56,7 @@ def campaign(
     with importing():
         import fisherpoint.campaign.campaign  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
-        from fisherpoint.design.configuration import ConfigError
+        from fisherpoint.design.file.configuration import ConfigError
 
         from .drawing import drawers
         from .results import free_for_campaign

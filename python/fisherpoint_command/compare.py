@@ -37,7 +37,7 @@ def compare(
     With -o, writes comparison.csv, report.txt, comparison.png, and report.html, which shows all of it in a browser.
     """
     with importing():
-        import fisherpoint.design.compare  # noqa: F401  with all that it imports
+        import fisherpoint.design.compare.compare  # noqa: F401  with all that it imports
 
         from .dry_run import about, points_row, size_of
         from .heartbeat import alive
@@ -60,5 +60,5 @@ def compare(
         write = partial(write_tables, {"comparison.csv": lambda: found.to_pandas().to_csv()}, ["comparison.png"])
         return Outcome(report=found.report, write=write, draw=partial(write_shown, found, file))
 
-    pictures = "fisherpoint.design.compare_picture"
+    pictures = "fisherpoint.design.compare.compare_picture"
     return frame.run(Task(problem=problem, files=[file, *designs], plan=plan, pictures=pictures, compute=compute))

@@ -68,9 +68,9 @@ def design(
     early and keeps the best design so far.
     """
     with importing():
-        from fisherpoint.design.configuration import ConfigError
-        from fisherpoint.design.exchange import designs
-        from fisherpoint.design.plots import plots_of
+        from fisherpoint.design.file.configuration import ConfigError
+        from fisherpoint.design.points.exchange import designs
+        from fisherpoint.design.results.plots import plots_of
         from fisherpoint.points.outside import few, outside
 
         from .dry_run import points_row, search_rows, settings_of
@@ -133,7 +133,7 @@ def design(
             advice=_advice(file, frame.output) if interrupted and frame.output is not None else (),
         )
 
-    pictures, before = "fisherpoint.design.pictures", "a design was found"
+    pictures, before = "fisherpoint.design.results.pictures", "a design was found"
     return frame.run(Task(problem=problem, files=files, plan=plan, pictures=pictures, compute=compute, before=before))
 
 

@@ -58,7 +58,7 @@ def about(trajectories: float, what: str = "") -> Row:
 
 def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.results.ExchangeSettings:
     """The settings of a search for points, with its defaults for what is not given; raise as the search does."""
-    from fisherpoint.design.settings import check_goal, most_iterations
+    from fisherpoint.design.results.settings import check_goal, most_iterations
 
     chosen = {one.name: given[one.name] for one in fields(fp.results.ExchangeSettings) if one.name in given}
     method = chosen.get("method", fp.ExchangeMethod())
@@ -72,7 +72,7 @@ def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.resul
 def search_rows(problem: fp.DesignProblem, settings: fp.results.ExchangeSettings) -> list[Row]:
     """How points would be searched for."""
     from fisherpoint.design.points.tuning import PointSearchTuning
-    from fisherpoint.design.settings import searched_by
+    from fisherpoint.design.results.settings import searched_by
     from fisherpoint.information.output_covariance import needs_covariances
 
     method = searched_by(settings.method.name, problem)

@@ -60,7 +60,7 @@ def estimate(
 
         import fisherpoint.estimation.estimate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
-        from fisherpoint.design.configuration import ConfigError
+        from fisherpoint.design.file.configuration import ConfigError
         from fisherpoint.estimation.plots import plots_of
 
         from .dry_run import about

@@ -33,9 +33,9 @@ def init(
         from fisherpoint.basics.files import write_whole
         from fisherpoint.basics.messages import listed
         from fisherpoint.basics.toml_messages import choices
-        from fisherpoint.design.configuration import ConfigError
-        from fisherpoint.design.example_files import example_texts
-        from fisherpoint.design.first_file import first_file
+        from fisherpoint.design.file.configuration import ConfigError
+        from fisherpoint.design.file.example_files import example_texts
+        from fisherpoint.design.file.first_file import first_file
 
         from .argv import shell_line
         from .terminal import check_file, say

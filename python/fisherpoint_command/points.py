@@ -32,9 +32,9 @@ def evaluate(frame: Frame, file: File, points: Points) -> int:
     With -o, writes parameters.csv, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
     with importing():
-        from fisherpoint.design.evaluated import evaluate_points
-        from fisherpoint.design.plots import PICTURES, plots_of
-        from fisherpoint.design.report import evaluation_report
+        from fisherpoint.design.results.evaluated import evaluate_points
+        from fisherpoint.design.results.plots import PICTURES, plots_of
+        from fisherpoint.design.results.report import evaluation_report
         from fisherpoint.design.runs import run_plots
         from fisherpoint.points.outside import few, outside
         from fisherpoint.points.runs import as_runs
@@ -49,7 +49,7 @@ def evaluate(frame: Frame, file: File, points: Points) -> int:
     runs = as_runs(experiments)
     if frame.output and not frame.check:
         with importing(), needed_for("tables and pictures"):
-            from fisherpoint.design.frames import parameter_frame
+            from fisherpoint.design.results.frames import parameter_frame
 
     def plan() -> list[Row]:
         nodes = problem.rule.size(problem.prior)
@@ -81,7 +81,7 @@ def evaluate(frame: Frame, file: File, points: Points) -> int:
             problem=problem,
             files=[file, points],
             plan=plan,
-            pictures=RUN_PICTURES if of_runs else "fisherpoint.design.pictures",
+            pictures=RUN_PICTURES if of_runs else "fisherpoint.design.results.pictures",
             compute=compute_runs if of_runs else compute_points,
         )
     )
@@ -126,8 +126,8 @@ def simulate(
     """
     with importing():
         from fisherpoint.basics.files import write_whole
-        from fisherpoint.design.configuration import ConfigError
-        from fisherpoint.design.report import simulation_report
+        from fisherpoint.design.file.configuration import ConfigError
+        from fisherpoint.design.results.report import simulation_report
         from fisherpoint.points.runs import as_runs
 
         from .dry_run import about, points_row, show_plan, size_of
@@ -137,7 +137,7 @@ def simulate(
         from .virtual import measured
     if output:
         with importing(), needed_for("tables"):
-            from fisherpoint.design.frames import simulation_frame
+            from fisherpoint.design.results.frames import simulation_frame
     if seed is not None and not noise:
         raise ConfigError(f"--seed: expected only with --noise, whose random numbers it gives; given {seed} without")
     config = read_config(file)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from fisherpoint.basics.files import check_writable
 from fisherpoint.basics.messages import listed
-from fisherpoint.design.configuration import ConfigError
-from fisherpoint.design.plots import PICTURES as OF_POINTS
+from fisherpoint.design.file.configuration import ConfigError
+from fisherpoint.design.results.plots import PICTURES as OF_POINTS
 from fisherpoint.design.runs.run_plots import PICTURES as OF_RUNS
 from fisherpoint.estimation.plots import PICTURES as OF_A_FIT
 

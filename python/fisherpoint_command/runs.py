@@ -12,7 +12,7 @@ import numpy as np
 import fisherpoint as fp
 from fisherpoint.basics.csv_table import CsvTable, csv_text
 from fisherpoint.basics.files import write_whole
-from fisherpoint.design.configuration import Config
+from fisherpoint.design.file.configuration import Config
 from fisherpoint.points.run_files import RUN, SEGMENT
 
 from .drawing import Drawers

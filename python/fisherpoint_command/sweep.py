@@ -48,9 +48,9 @@ def sweep(
     with importing():
         import scipy.special  # noqa: F401  not where it is needed, in the middle of the search, which Ctrl-C is to end in order
 
-        import fisherpoint.design.sweep  # noqa: F401  with all that it imports
+        import fisherpoint.design.sweep.sweep  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_together
-        from fisherpoint.design.configuration import ConfigError
+        from fisherpoint.design.file.configuration import ConfigError
         from fisherpoint.points.experiments import points_csv
 
         from .dry_run import search_rows, settings_of
@@ -106,7 +106,7 @@ def sweep(
             problem=problem,
             files=[file, *(previous or [])],
             plan=plan,
-            pictures="fisherpoint.design.sweep_picture",
+            pictures="fisherpoint.design.sweep.sweep_picture",
             compute=compute,
             before="there was a design",
         )

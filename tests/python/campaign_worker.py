@@ -20,7 +20,7 @@ import scipy.special
 import scipy.stats  # noqa: F401
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 
 BATCHES = 2
 

@@ -83,7 +83,7 @@ def random_points(rng: np.random.Generator, count: int, bounds: dict[str, tuple[
 @pytest.fixture(scope="session")
 def decay_problem() -> fp.DesignProblem:
     """The example of an exponential decay."""
-    from fisherpoint.design.configuration import load_config  # which needs the extras
+    from fisherpoint.design.file.configuration import load_config  # which needs the extras
 
     return load_config(Path(__file__).resolve().parents[2] / "examples" / "exponential_decay.toml").problem()
 

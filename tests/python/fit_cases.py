@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

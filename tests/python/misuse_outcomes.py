@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Any
 
-from fisherpoint.design.configuration import ConfigError
+from fisherpoint.design.file.configuration import ConfigError
 from misuse_cases import cases
 from misuse_values import CLASS, CLUMSY, FUNCTION
 

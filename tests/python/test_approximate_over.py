@@ -10,15 +10,15 @@ import pytest
 from scipy.optimize import minimize
 
 import fisherpoint as fp
-from fisherpoint.design.average import Average
-from fisherpoint.design.optimality.averaged import Averaged, EstimableOver, joined
-from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Criterion
-from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.optimality.estimable import estimable
-from fisherpoint.design.optimality.inner import mean_of
-from fisherpoint.design.optimality.variance import Variance
-from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.candidates.candidate_rows import CandidateRows
+from fisherpoint.design.goal.average import Average
+from fisherpoint.design.goal.averaged import Averaged, EstimableOver, joined
+from fisherpoint.design.goal.criteria import Criterion
+from fisherpoint.design.goal.determinant import Determinant
+from fisherpoint.design.goal.estimable import estimable
+from fisherpoint.design.goal.variance import Variance
+from fisherpoint.design.weights.inner import mean_of
+from fisherpoint.design.weights.weights import optimal_weights
 from test_over_prior import KINDS, average_of
 
 S, P, K = 4, 3, 25

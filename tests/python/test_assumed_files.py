@@ -44,7 +44,7 @@ v = { value = 2e-3, unit = "m/s" }
 
 
 def load(tmp_path: Path, tables: str, **changes: str) -> fp.DesignProblem:
-    config = pytest.importorskip("fisherpoint.design.configuration", reason="needs the extras", exc_type=ImportError)
+    config = pytest.importorskip("fisherpoint.design.file.configuration", reason="needs the extras", exc_type=ImportError)
     text = EXAMPLE.read_text()
     for old, new in changes.items():
         text = text.replace(old, new)

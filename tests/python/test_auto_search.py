@@ -16,14 +16,14 @@ import pytest
 import fisherpoint as fp
 from conftest import REGION
 from defaults import MODEL, problem, same_bits
-from fisherpoint.design.average import Average
-from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.optimality.rank_updates import gains
+from fisherpoint.design.candidates.rank_updates import gains
+from fisherpoint.design.goal.average import Average
+from fisherpoint.design.goal.determinant import Determinant
 from fisherpoint.design.points.auto_search import AutoSearch
 from fisherpoint.design.points.pool import best_of_each, far_apart
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from fisherpoint.design.points.tuning import PointSearchTuning
-from fisherpoint.design.settings import ExchangeSettings
+from fisherpoint.design.results.settings import ExchangeSettings
 from fisherpoint.engine.levels import kernels
 from fisherpoint.information.candidates import CandidateSource
 from fit_cases import EXAMPLES

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 QUICK: dict[str, Any] = {"threads": 1, "n_candidates": 10, "max_iterations": 10}

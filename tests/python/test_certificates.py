@@ -11,14 +11,14 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 import fisherpoint as fp
-from fisherpoint.design.optimality import continuous
-from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.optimality.eigenvalue_criteria import SmallestEigenvalue
-from fisherpoint.design.optimality.estimable import estimable
-from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.approximate import continuous
+from fisherpoint.design.candidates.candidate_rows import CandidateRows
+from fisherpoint.design.goal.determinant import Determinant
+from fisherpoint.design.goal.eigenvalue_criteria import SmallestEigenvalue
+from fisherpoint.design.goal.estimable import estimable
 from fisherpoint.design.points.candidate_archive import CandidateArchive
 from fisherpoint.design.points.over_bound import over_bound
+from fisherpoint.design.weights.weights import optimal_weights
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.evaluation import evaluate_information
 from fisherpoint.information.output_covariance import output_covariance
@@ -96,8 +96,8 @@ def test_the_certificate_of_a_region_fails_where_the_support_is_kept_from_the_be
     """Candidates within |x| <= 1/2, to which nothing may be added: D-efficiency 1/4, and the ascents tell so."""
     monkeypatch.setattr(continuous._Refining, "add_new", lambda self, z, value: False)
     monkeypatch.setattr(continuous._Refining, "merged", lambda self, tolerance: _own(self))
-    monkeypatch.setattr("fisherpoint.design.approximate._drawn", lambda *_: at(*np.linspace(-0.5, 0.5, 21)))
-    monkeypatch.setattr("fisherpoint.design.approximate._searched", lambda *_: [])
+    monkeypatch.setattr("fisherpoint.design.approximate.approximate._drawn", lambda *_: at(*np.linspace(-0.5, 0.5, 21)))
+    monkeypatch.setattr("fisherpoint.design.approximate.approximate._searched", lambda *_: [])
     design = fp.approximate_design(problem(), starts=100)
     assert np.abs(design.points.u).max() <= 0.5
     # F at the ends, with thirds of the weight at -1/2, 0 and 1/2: sum of squares of Lagrange polynomials, times 3

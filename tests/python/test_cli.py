@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.exchange import designs
+from fisherpoint.design.points.exchange import designs
 from fisherpoint_command import cli
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -137,7 +137,7 @@ def test_an_interrupted_design_is_saved_and_reported(run: Any, file: Path, tmp_p
 
         return designs(*arguments, progress=stop, **settings)
 
-    monkeypatch.setattr("fisherpoint.design.exchange.designs", interrupted)
+    monkeypatch.setattr("fisherpoint.design.points.exchange.designs", interrupted)
     result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.err) == (130, "")
     assert "interrupted" in result.out
@@ -155,7 +155,7 @@ def test_a_design_that_is_not_compared_any_more_is_saved(
         yield next(found)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fisherpoint.design.exchange.designs", interrupted)
+    monkeypatch.setattr("fisherpoint.design.points.exchange.designs", interrupted)
     result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.err) == (130, "")
     assert names(tmp_path / "run") == {"design.csv", "design.json", "report.txt", "report.html"}
@@ -205,7 +205,7 @@ def test_interrupted_before_there_is_a_design(run: Any, file: Path, tmp_path: Pa
     def interrupted(*arguments: Any, **settings: Any) -> Iterator[fp.Design]:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fisherpoint.design.exchange.designs", interrupted)
+    monkeypatch.setattr("fisherpoint.design.points.exchange.designs", interrupted)
     result = run("design", file, "-o", tmp_path / "run")
     assert (result.code, result.out) == (130, "")
     assert result.err == "fisherpoint: interrupted before a design was found; nothing was saved\n"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.design.file.configuration import ConfigError, load_config
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

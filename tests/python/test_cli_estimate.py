@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 from fisherpoint_command.cli import main
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import ConfigError, load_config, load_problem
+from fisherpoint.design.file.configuration import ConfigError, load_config, load_problem
 from fisherpoint.design.runs.run_plots import PICTURES
 from fisherpoint_command.cli import main
 

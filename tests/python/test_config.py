@@ -11,7 +11,7 @@ import pytest
 import fisherpoint as fp
 from config_text import EXAMPLES, RECOMMENDED, TEXT, rule_of, without, write
 
-config = pytest.importorskip("fisherpoint.design.configuration", reason="needs the extras", exc_type=ImportError)
+config = pytest.importorskip("fisherpoint.design.file.configuration", reason="needs the extras", exc_type=ImportError)
 
 
 def test_examples_describe_the_default_cylinder() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from config_text import TEXT, rule_of, without, write
 
-config = pytest.importorskip("fisherpoint.design.configuration", reason="needs the extras", exc_type=ImportError)
+config = pytest.importorskip("fisherpoint.design.file.configuration", reason="needs the extras", exc_type=ImportError)
 
 
 # What is written in place of what, and the line that follows the file's name.

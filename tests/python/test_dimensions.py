@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 from fisherpoint.models.codec import model_from_json, model_to_json
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
-from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.elfving import moved, smallest_sum
-from fisherpoint.design.optimality.variance import Variance
-from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.approximate.elfving import moved, smallest_sum
+from fisherpoint.design.candidates.candidate_rows import CandidateRows
+from fisherpoint.design.goal.variance import Variance
+from fisherpoint.design.weights.weights import optimal_weights
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fisherpoint as fp
-from fisherpoint.design.optimality.branch_and_bound import BranchAndBound, similar_first
-from fisherpoint.design.optimality.criteria import Criterion
-from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.optimality.eigenvalue_criteria import Scaled, SmallestEigenvalue
-from fisherpoint.design.optimality.relaxation import Box, Group, Relaxation
-from fisherpoint.design.optimality.symmetries import symmetries
-from fisherpoint.design.optimality.tuning import ExactTuning
-from fisherpoint.design.optimality.variance import Variance
+from fisherpoint.design.exact.branch_and_bound import BranchAndBound, similar_first
+from fisherpoint.design.exact.relaxation import Box, Group, Relaxation
+from fisherpoint.design.exact.symmetries import symmetries
+from fisherpoint.design.exact.tuning import ExactTuning
+from fisherpoint.design.goal.criteria import Criterion
+from fisherpoint.design.goal.determinant import Determinant
+from fisherpoint.design.goal.eigenvalue_criteria import Scaled, SmallestEigenvalue
+from fisherpoint.design.goal.variance import Variance
 from test_approximate import COMPARTMENT, GRID, MICHAELIS, QUADRATIC, algebraic, inputs
 
 CUBE = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))

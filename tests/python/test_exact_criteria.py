@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.design.file.configuration import ConfigError, load_config
 from test_known_designs import ONE_FACTOR, SOON, SQUARE, ZERO, absorption, quadratic
 from test_known_designs import problem as known_problem
 

@@ -13,7 +13,7 @@ import pytest
 from scipy.signal import savgol_filter
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 from fisherpoint_command import cli
 from oracle import Floats
 

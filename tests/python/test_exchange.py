@@ -13,9 +13,9 @@ import pytest
 import fisherpoint as fp
 from conftest import REGION
 from defaults import KINDS, MODEL, NAMES, NOISE, OUTPUTS, PRIOR, SMALL, grid, problem, same_bits
-from fisherpoint.design.efficiency import median_of, random_designs
-from fisherpoint.design.exchange import designs
+from fisherpoint.design.points.exchange import designs
 from fisherpoint.design.points.tuning import PaperSearchTuning
+from fisherpoint.design.results.efficiency import median_of, random_designs
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 from fit_cases import EXAMPLES, cylinder, decay
 
 

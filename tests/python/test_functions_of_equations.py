@@ -9,7 +9,7 @@ import sympy
 
 from fisherpoint.basics.formulas import ARGUMENTS
 from fisherpoint.basics.functions import FUNCTIONS, Function
-from fisherpoint.design.optimality.functions import gradient_of
+from fisherpoint.design.goal.functions import gradient_of
 from fisherpoint.models.functions import FUNCTIONS as OF_TERMS
 from fisherpoint.models.surfaces.evaluate import evaluate
 from fisherpoint.models.surfaces.precise import Calculation, Work

@@ -10,8 +10,8 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.basics.kept import decoded, encoded
-from fisherpoint.design.configuration import ConfigError, load_config
-from fisherpoint.design.optimality.goal import UNABLE, Goal, goal_of
+from fisherpoint.design.file.configuration import ConfigError, load_config
+from fisherpoint.design.goal.goal import UNABLE, Goal, goal_of
 
 MICHAELIS_MENTEN = Path(__file__).resolve().parents[2] / "examples" / "michaelis_menten.toml"
 POINTS = fp.Experiments(np.zeros((2, 0)), np.array([[0.1], [1.0]]))

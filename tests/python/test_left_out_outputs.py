@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import ConfigError, load_config
-from fisherpoint.design.pictures import PLOTS
-from fisherpoint.design.plots import plots_of
+from fisherpoint.design.file.configuration import ConfigError, load_config
+from fisherpoint.design.results.pictures import PLOTS
+from fisherpoint.design.results.plots import plots_of
 from fisherpoint.information.evaluate import evaluate
 from fisherpoint_command.cli import main
 

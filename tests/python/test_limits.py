@@ -16,7 +16,7 @@ from fisherpoint.basics import files
 from fisherpoint.basics.checks import MOST_CHARACTERS, check_name
 from fisherpoint.basics.quantity import LONGEST_DESCRIPTION, LONGEST_NAME, LONGEST_UNIT
 
-config = pytest.importorskip("fisherpoint.design.configuration", reason="needs the extras", exc_type=ImportError)
+config = pytest.importorskip("fisherpoint.design.file.configuration", reason="needs the extras", exc_type=ImportError)
 toml = pytest.importorskip("fisherpoint.models.toml", reason="needs the extras", exc_type=ImportError)
 toml_data = pytest.importorskip("fisherpoint.basics.toml_data")
 

@@ -12,7 +12,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.basics.options import Options
-from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.design.file.configuration import ConfigError, load_config
 
 EXAMPLE = (Path(__file__).parents[2] / "examples" / "michaelis_menten.toml").read_text()
 

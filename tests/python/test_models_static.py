@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design import pictures as plots
-from fisherpoint.design import report
-from fisherpoint.design.frames import simulation_frame
+from fisherpoint.design.results import pictures as plots
+from fisherpoint.design.results import report
+from fisherpoint.design.results.frames import simulation_frame
 from fisherpoint.show.section import to_text
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import fisherpoint as fp
 from defaults import MODEL
-from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.design.file.configuration import ConfigError, load_config
 from fisherpoint_command import cli
 
 TEXT = """\

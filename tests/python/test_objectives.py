@@ -12,13 +12,13 @@ from hypothesis import given as drawn_from
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from fisherpoint.design.average import SOFTNESS, Average
-from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Criterion
-from fisherpoint.design.optimality.determinant import slopes_of
-from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.candidates.candidate_rows import CandidateRows
+from fisherpoint.design.goal.average import SOFTNESS, Average
+from fisherpoint.design.goal.criteria import Criterion
+from fisherpoint.design.goal.determinant import slopes_of
 from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
+from fisherpoint.design.weights.weights import optimal_weights
 from fisherpoint.engine.levels import kernels
 from test_optimality import CONVEX, NAMES, P
 from test_optimality import criteria as drawn

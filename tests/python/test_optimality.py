@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.criteria import Criterion
-from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.optimality.eigenvalue_criteria import ConditionNumber, Scaled, SmallestEigenvalue
-from fisherpoint.design.optimality.estimable import estimable
-from fisherpoint.design.optimality.functions import gradient_of
-from fisherpoint.design.optimality.rounding import efficient_rounding
-from fisherpoint.design.optimality.variance import Variance
-from fisherpoint.design.optimality.weights import least_sensitivity, optimal_weights
+from fisherpoint.design.candidates.candidate_rows import CandidateRows
+from fisherpoint.design.goal.criteria import Criterion
+from fisherpoint.design.goal.determinant import Determinant
+from fisherpoint.design.goal.eigenvalue_criteria import ConditionNumber, Scaled, SmallestEigenvalue
+from fisherpoint.design.goal.estimable import estimable
+from fisherpoint.design.goal.functions import gradient_of
+from fisherpoint.design.goal.variance import Variance
+from fisherpoint.design.weights.rounding import efficient_rounding
+from fisherpoint.design.weights.weights import least_sensitivity, optimal_weights
 
 P = 4
 

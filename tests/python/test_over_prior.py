@@ -12,9 +12,9 @@ from scipy.optimize import minimize, minimize_scalar
 
 import fisherpoint as fp
 from defaults import MODEL, NOISE, problem, same_bits
-from fisherpoint.design.average import SOFTNESS, Average
-from fisherpoint.design.optimality.criteria import Criterion
-from fisherpoint.design.optimality.determinant import Determinant
+from fisherpoint.design.goal.average import SOFTNESS, Average
+from fisherpoint.design.goal.criteria import Criterion
+from fisherpoint.design.goal.determinant import Determinant
 from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from fisherpoint.design.points.tuning import ArchiveTuning

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import Config, load_config
+from fisherpoint.design.file.configuration import Config, load_config
 from fisherpoint_command import cli
 from pages import LANGUAGES, ROOT, blocks, commands, is_whole_model, laid_over, pages
 

@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("matplotlib")
 
 import fisherpoint as fp
-from fisherpoint.design.pictures_trajectories import _percentile
+from fisherpoint.design.results.pictures_trajectories import _percentile
 from picture_cases import PICTURES
 from picture_data import STORED, data_of, differences
 

@@ -11,10 +11,10 @@ import pytest
 from matplotlib.figure import Figure
 
 import fisherpoint as fp
-from fisherpoint.design import pictures_points
-from fisherpoint.design.evaluated import evaluate_points
-from fisherpoint.design.pictures import plot_points, plot_trajectories
-from fisherpoint.design.pictures_responses import free_axis, plot_responses
+from fisherpoint.design.results import pictures_points
+from fisherpoint.design.results.evaluated import evaluate_points
+from fisherpoint.design.results.pictures import plot_points, plot_trajectories
+from fisherpoint.design.results.pictures_responses import free_axis, plot_responses
 from fisherpoint.show.durations import make_logarithmic
 from fisherpoint.show.standard_errors import standard_error_figure
 from fisherpoint.show.style import said, scale

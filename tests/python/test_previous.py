@@ -11,7 +11,7 @@ import pytest
 import fisherpoint as fp
 from defaults import KINDS, MODEL, NOISE, PRIOR, point, problem, same_bits, valid_points
 from fisherpoint.data import Measurements
-from fisherpoint.design.efficiency import random_designs
+from fisherpoint.design.results.efficiency import random_designs
 from fisherpoint.information.output_covariance import region_mean
 from fisherpoint.information.previous import previous_information
 from oracle import Floats

@@ -11,7 +11,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.campaign.settings import batch_seed
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 from test_known_designs import SQUARE, quadratic
 
 GRID = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=2)))

@@ -12,7 +12,7 @@ import sympy
 from scipy.stats import chi2, f
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 from fisherpoint.estimation import profile as profiles
 from fisherpoint.estimation.least_squares import minimise
 

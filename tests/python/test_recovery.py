@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.toml") if "[runs]" not in path.read_text(encoding="utf-8"))

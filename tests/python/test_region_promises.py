@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.optimality.point_rows import PointRows
+from fisherpoint.design.candidates.point_rows import PointRows
 
 MODEL = fp.SymbolicModel(
     f=["v", "k*u - d*v + 0.2*w - 0.1*x"],

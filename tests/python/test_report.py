@@ -14,11 +14,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import fisherpoint as fp
-from fisherpoint.design import pictures as plots
-from fisherpoint.design import report
-from fisherpoint.design.evaluated import evaluate_points
-from fisherpoint.design.frames import parameter_frame, simulation_frame
-from fisherpoint.design.plots import plots_of
+from fisherpoint.design.results import pictures as plots
+from fisherpoint.design.results import report
+from fisherpoint.design.results.evaluated import evaluate_points
+from fisherpoint.design.results.frames import parameter_frame, simulation_frame
+from fisherpoint.design.results.plots import plots_of
 from fisherpoint.show import numbers
 from fisherpoint.show.section import to_text
 
@@ -254,5 +254,5 @@ def test_every_picture_is_a_figure_of_its_own(design: fp.Design, tmp_path: Path)
 
 
 def test_pictures_do_not_need_pyplot() -> None:
-    code = "import sys, fisherpoint.design.pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, fisherpoint.design.results.pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -10,7 +10,7 @@ from scipy.optimize import root
 
 import fisherpoint as fp
 from fisherpoint.basics.kept import decoded, encoded
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 
 LIFT = fp.SymbolicModel(
     f=["v", "(k*i - m*9.81 - d*v)/m", "(u - R*i - k*v)/L"],

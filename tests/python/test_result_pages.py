@@ -61,7 +61,7 @@ def test_a_page_says_what_was_asked_and_with_which_versions(tmp_path: Path) -> N
 
 
 def test_what_was_asked_is_said_in_words_and_what_goes_without_saying_is_not() -> None:
-    from fisherpoint.design.settings_section import settings_section
+    from fisherpoint.design.results.settings_section import settings_section
 
     rows = dict(settings_section(results()["Design"].settings).rows)
     assert rows == {"points": "12", "candidates of a draw": "5", "iterations, at most": "4", "seed": "0"}

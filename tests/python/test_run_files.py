@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint.basics.files import write_together, write_whole
-from fisherpoint.design import evaluated
-from fisherpoint.design import pictures as plots
-from fisherpoint.design.plots import PICTURES
+from fisherpoint.design.results import evaluated
+from fisherpoint.design.results import pictures as plots
+from fisherpoint.design.results.plots import PICTURES
 from fisherpoint.estimation import pictures as plots_fit
 from fisherpoint.estimation.plots import PICTURES as PICTURES_OF_A_FIT
 from fisherpoint.show.style import save_figure
@@ -203,7 +203,7 @@ class Runs:
             for module in (plots, plots_fit, plots_validation):
                 for name in (name for name in vars(module) if name.startswith("plot_")):
                     patch.setattr(module, name, lambda *_: Figure())
-            patch.setattr("fisherpoint.design.exchange.designs", lambda *_, **__: iter([self.designs[which]]))
+            patch.setattr("fisherpoint.design.points.exchange.designs", lambda *_, **__: iter([self.designs[which]]))
             for name in ("estimate", "validate"):
                 patch.setattr(fp, name, self.work(which, getattr(fp, name)))
             assert run(*arguments(self.command, self.tables[which], output)) == 0

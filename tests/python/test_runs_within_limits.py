@@ -12,7 +12,7 @@ import pytest
 
 import fisherpoint as fp
 from bench.strokes import arm, cart, rests, tanks
-from fisherpoint.design.configuration import load_config
+from fisherpoint.design.file.configuration import load_config
 from fisherpoint.design.runs import run_clock
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import RETURNING

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.optimality.candidate_rows import CandidateRows
-from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.optimality.weights import optimal_weights
+from fisherpoint.design.candidates.candidate_rows import CandidateRows
+from fisherpoint.design.goal.determinant import Determinant
 from fisherpoint.design.points.candidate_archive import CandidateArchive
+from fisherpoint.design.weights.weights import optimal_weights
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 

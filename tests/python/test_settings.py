@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.option import options_of
-from fisherpoint.design.settings import METHODS, MOST_ITERATIONS
+from fisherpoint.design.goal.option import options_of
+from fisherpoint.design.results.settings import METHODS, MOST_ITERATIONS
 
 
 @pytest.mark.parametrize(

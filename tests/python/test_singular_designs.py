@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import load_config
-from fisherpoint.design.optimality.determinant import Determinant
-from fisherpoint.design.optimality.estimability import RUNS, restricted_criteria
-from fisherpoint.design.optimality.variance import Variance
+from fisherpoint.design.file.configuration import load_config
+from fisherpoint.design.goal.determinant import Determinant
+from fisherpoint.design.goal.estimability import RUNS, restricted_criteria
+from fisherpoint.design.goal.variance import Variance
 from fisherpoint.information.combinations import combination
 from fisherpoint.information.null_space import null_directions
 from test_exact_criteria import blind

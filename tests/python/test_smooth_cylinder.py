@@ -11,7 +11,7 @@ import pytest
 
 import fisherpoint as fp
 from defaults import MODEL, NAMES, point, problem
-from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.design.file.configuration import ConfigError, load_config
 
 WIDTHS = {"v": 1e-3, "x_v": 1e-3}
 SMOOTH = fp.HydraulicCylinder(smooth=WIDTHS)

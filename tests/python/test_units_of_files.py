@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.configuration import ConfigError, load_config
+from fisherpoint.design.file.configuration import ConfigError, load_config
 
 HEATER = """
 [model]

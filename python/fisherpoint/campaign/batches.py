@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, TypeAlias
 from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping
 from ..data import Measurements
-from ..design.exchange import exchange
+from ..design.points.exchange import exchange
+from ..design.results.settings import ExchangeSettings, RunSettings
 from ..design.runs.design_runs import design_runs
-from ..design.settings import ExchangeSettings, RunSettings
 from ..information.problem import DesignProblem
 from ..information.run_information import checked_problem
 from ..points.runs import Points

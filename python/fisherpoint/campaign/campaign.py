@@ -14,9 +14,9 @@ from ..basics.extras import needed_for
 from ..basics.kept import decoded, encoded
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
-from ..design.report import points_section
+from ..design.results.report import points_section
+from ..design.results.settings_section import settings_section
 from ..design.runs.run_tables import segments_table
-from ..design.settings_section import settings_section
 from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile

@@ -12,8 +12,8 @@ import numpy as np
 from ..basics.checks import as_share, by_name, check_positive_int
 from ..basics.messages import shown
 from ..basics.options import refuse_misplaced
-from ..design.optimality.goal import goal_of
-from ..design.settings import ExchangeSettings, method_of, most_iterations
+from ..design.goal.goal import goal_of
+from ..design.results.settings import ExchangeSettings, method_of, most_iterations
 from ..information.problem import DesignProblem
 from .batches import Settings, search_of
 

@@ -10,7 +10,7 @@ from ..basics.checks import as_std, by_name, check_choice, check_flag, check_pos
 from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
-from ..design.compare import named_designs
+from ..design.compare.compare import named_designs
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.runs import Points

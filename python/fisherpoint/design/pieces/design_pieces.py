@@ -19,7 +19,7 @@ from ...information.output_covariance import output_covariance
 from ...information.piece_information import PieceInformation, picked_information, piece_information, piece_problem
 from ...information.problem import DesignProblem
 from ...show.progress import Progress, check_progress, following
-from ..optimality.goal import Goal, goal_of
+from ..goal.goal import Goal, goal_of
 from .disjoint import Windows
 from .packed import Packed
 from .piece_design import PieceDesign

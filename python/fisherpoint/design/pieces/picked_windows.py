@@ -14,7 +14,7 @@ from ...basics.values import Array
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
 from ...points.runs import Runs
-from ..efficiency import d_efficiency
+from ..results.efficiency import d_efficiency
 from .disjoint import Places
 
 CHOICES = {

@@ -17,7 +17,7 @@ from ...information.feasibility import feasibility
 from ...information.problem import DesignProblem
 from ...information.validity import Validity
 from ...points.experiments import Experiments
-from ..settings import ExchangeSettings
+from ..results.settings import ExchangeSettings
 from .tuning import PlantTuning
 
 COUNTED_SEED = 2_000_003

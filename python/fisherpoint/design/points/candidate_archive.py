@@ -16,16 +16,16 @@ from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ...information.validity import Validity
 from ...points.experiments import Experiments
-from ..efficiency import Bound
-from ..optimality.candidate_rows import CandidateRows, Places
-from ..optimality.criteria import Criterion
-from ..optimality.eigenvalue_criteria import ConditionNumber
-from ..optimality.estimability import NOT_TOLD, determined
-from ..optimality.estimable import estimable
-from ..optimality.goal import Goal
-from ..optimality.goal_criterion import criterion_of
-from ..optimality.weights import Weights, optimal_weights
-from ..over_prior import Scenarios
+from ..candidates.candidate_rows import CandidateRows, Places
+from ..goal.criteria import Criterion
+from ..goal.eigenvalue_criteria import ConditionNumber
+from ..goal.estimability import NOT_TOLD, determined
+from ..goal.estimable import estimable
+from ..goal.goal import Goal
+from ..goal.goal_criterion import criterion_of
+from ..goal.over_prior import Scenarios
+from ..results.efficiency import Bound
+from ..weights.weights import Weights, optimal_weights
 from .over_bound import over_bound
 from .point_ascent import scenario_rows, whitened_rows
 from .tuning import ArchiveTuning

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from ..average import Average
-from ..optimality.averaged import MOST_OF_ALL, Averaged, EstimableOver
-from ..optimality.candidate_rows import CandidateRows
-from ..optimality.criteria import Criterion
-from ..optimality.estimable import Estimable, estimable
-from ..optimality.weights import optimal_weights
+from ..candidates.candidate_rows import CandidateRows
+from ..goal.average import Average
+from ..goal.averaged import MOST_OF_ALL, Averaged, EstimableOver
+from ..goal.criteria import Criterion
+from ..goal.estimable import Estimable, estimable
+from ..weights.weights import optimal_weights
 from .tuning import ArchiveTuning
 
 Places = NDArray[np.intp]

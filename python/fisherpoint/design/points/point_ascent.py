@@ -19,9 +19,9 @@ from ...information.point_information import PointInformation, point_sensitiviti
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.status import Status
-from ..optimality.criteria import Criterion
-from ..optimality.determinant import slopes_of
-from ..over_prior import Scenarios
+from ..goal.criteria import Criterion
+from ..goal.determinant import slopes_of
+from ..goal.over_prior import Scenarios
 from ..runs.linear_rows import LinearRows
 from ..runs.run_ascent import trial_changes
 from .tuning import PointSearchTuning

@@ -20,17 +20,17 @@ from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...show.progress import Progress
-from ..average import Average
-from ..efficiency import Efficiency
-from ..found import FoundDesign, TraceRecord
-from ..optimality.candidate_rows import CandidateRows
-from ..optimality.criteria import Criterion
-from ..optimality.estimability import not_told
-from ..optimality.estimable import RIDGE, Estimable, estimable
-from ..optimality.goal_criterion import criterion_of
-from ..over_prior import Scenarios
-from ..scenario_values import ScenarioValues, scenario_values
-from ..settings import ExchangeSettings
+from ..candidates.candidate_rows import CandidateRows
+from ..goal.average import Average
+from ..goal.criteria import Criterion
+from ..goal.estimability import not_told
+from ..goal.estimable import RIDGE, Estimable, estimable
+from ..goal.goal_criterion import criterion_of
+from ..goal.over_prior import Scenarios
+from ..results.efficiency import Efficiency
+from ..results.found import FoundDesign, TraceRecord
+from ..results.scenario_values import ScenarioValues, scenario_values
+from ..results.settings import ExchangeSettings
 from .away import Away
 from .candidate_archive import CandidateArchive
 from .tuning import PointSearchTuning

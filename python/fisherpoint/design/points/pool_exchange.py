@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...engine.levels import kernels
-from ..average import Average
-from ..optimality.criteria import Criterion
+from ..goal.average import Average
+from ..goal.criteria import Criterion
 from .tuning import ExchangeTuning
 
 SINGULAR = 1e-8

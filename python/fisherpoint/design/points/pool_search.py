@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...points.runs import Runs
-from ..optimality.estimability import restricted_criteria
-from ..optimality.estimable import Estimable
-from ..optimality.goal import Goal
-from ..optimality.goal_criterion import criterion_of
+from ..goal.estimability import restricted_criteria
+from ..goal.estimable import Estimable
+from ..goal.goal import Goal
+from ..goal.goal_criterion import criterion_of
 from .climbs import higher
 from .lineage import Lineage
 from .point_ascent import PointAscent, scenario_rows, whitened_rows

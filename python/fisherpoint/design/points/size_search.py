@@ -9,8 +9,8 @@ import numpy as np
 
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
-from ..over_prior import Scenarios
-from ..settings import ExchangeSettings, searched_by
+from ..goal.over_prior import Scenarios
+from ..results.settings import ExchangeSettings, searched_by
 from .auto_search import AutoSearch
 from .candidate_archive import CandidateArchive
 from .exchange_search import ExchangeSearch

@@ -26,14 +26,14 @@ from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...points.settings import resolve_threads
 from ...show.progress import Progress, check_progress, following
-from ..average import Average
-from ..found import DRAWS, UNSEEN
-from ..optimality.estimable import RIDGE
-from ..optimality.goal import Goal, goal_of
-from ..optimality.goal_criterion import criterion_of
-from ..over_prior import moved_problems
-from ..scenario_values import scenario_values
-from ..settings import RunSettings
+from ..goal.average import Average
+from ..goal.estimable import RIDGE
+from ..goal.goal import Goal, goal_of
+from ..goal.goal_criterion import criterion_of
+from ..goal.over_prior import moved_problems
+from ..results.found import DRAWS, UNSEEN
+from ..results.scenario_values import scenario_values
+from ..results.settings import RunSettings
 from .run_clock import Clock
 from .run_design import RunDesign
 from .run_references import ClassicalRuns

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from ..average import Average
-from ..optimality.determinant import log_det_slopes
+from ..goal.average import Average
+from ..goal.determinant import log_det_slopes
 from .tuning import AscentTuning
 
 

@@ -16,8 +16,8 @@ from ...information.problem_report import problem_sections
 from ...points.run_files import plan_csv, runs_csv
 from ...show.section import Report, Section
 from ...show.shown import Plots, Shown
-from ..found_runs import FoundRuns
-from ..settings_section import settings_section
+from ..results.found_runs import FoundRuns
+from ..results.settings_section import settings_section
 from .run_plots import PICTURES, plots_of
 from .run_report import run_report
 from .run_tables import segments_table

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...basics.values import Array
 from ...points.runs import Runs
-from ..found import DRAWS
+from ..results.found import DRAWS
 from .run_clock import Clock
 from .run_objective import RunObjective
 from .run_plants import RunPlants

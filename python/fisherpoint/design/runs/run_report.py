@@ -13,12 +13,12 @@ from ...information.problem import DesignProblem
 from ...points.run_region import RunRegion
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
-from ..criterion_report import goal_facts
-from ..efficiency import d_efficiency
-from ..found_runs import FoundRuns
-from ..over_report import over_sections
-from ..report import plants_sections
-from ..singular_report import ridge_facts
+from ..results.criterion_report import goal_facts
+from ..results.efficiency import d_efficiency
+from ..results.found_runs import FoundRuns
+from ..results.over_report import over_sections
+from ..results.report import plants_sections
+from ..results.singular_report import ridge_facts
 from .run_tables import divided, runs_tables
 
 REASONS = 4

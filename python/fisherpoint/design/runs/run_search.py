@@ -25,11 +25,11 @@ from ...information.run_information import run_rows
 from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
 from ...show.progress import Progress
-from ..average import Average
-from ..optimality.criteria import Criterion
-from ..optimality.estimability import RUNS, restricted_criteria
-from ..optimality.estimable import RIDGE
-from ..settings import RunSettings
+from ..goal.average import Average
+from ..goal.criteria import Criterion
+from ..goal.estimability import RUNS, restricted_criteria
+from ..goal.estimable import RIDGE
+from ..results.settings import RunSettings
 from .reached_runs import ReachedRuns
 from .run_climb import Climb
 from .run_clock import Clock, OutOfTime

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from ...information.run_tangents import RunTangents, tangents_from
 from ...points.status import Status
-from ..optimality.determinant import slopes_of
+from ..goal.determinant import slopes_of
 from .linear_rows import LinearRows
 from .run_objective import RunObjective
 

@@ -10,7 +10,7 @@ from ...models import Model
 from ...points.runs import Runs
 from ...show.numbers import number
 from ...show.section import Section
-from ..report import ROWS_OF_PAGES, kept_note
+from ..results.report import ROWS_OF_PAGES, kept_note
 
 ROWS, HOLDS = 40, 100
 """Runs, and holds of inputs, that are shown of a longer list."""

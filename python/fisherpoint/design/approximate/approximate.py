@@ -1,0 +1,257 @@
+"""The best weights of experiment points, among candidates or in a region, with the equivalence theorem's certificate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ...basics.checks import as_positive, check_positive_int, check_type
+from ...basics.options import with_options
+from ...basics.stop_reason import StopReason
+from ...basics.values import FrozenMapping
+from ...information.combinations import combinations
+from ...information.prior_information import prior_information
+from ...information.problem import DesignProblem
+from ...points.experiments import Experiments
+from ...points.settings import resolve_threads
+from ...show.progress import Progress, check_progress, following
+from ..candidates.candidate_rows import CandidateRows
+from ..candidates.point_rows import PointRows, check_additive
+from ..goal.averaged import MOST_OF_ALL, Averaged, EstimableOver, parted
+from ..goal.estimability import NOT_TOLD, determined, not_told
+from ..goal.estimable import estimable
+from ..goal.goal import Goal, goal_of
+from ..goal.goal_criterion import criterion_of
+from ..goal.over_prior import OverPrior, Scenarios, moved_problems
+from ..points.auto_search import AutoSearch
+from ..points.climbs import Climbs
+from ..results.settings import ExchangeSettings
+from ..weights.weights import optimal_weights
+from .approximate_design import ApproximateDesign
+from .continuous import Refinement, refined
+from .tuning import RegionTuning
+
+MOST_CANDIDATES = 10**6
+
+SAMPLE = 2000
+"""Candidates that a design keeps for its pictures."""
+
+
+@with_options
+def approximate_design(
+    problem: DesignProblem,
+    candidates: Experiments | None = None,
+    *,
+    goal: str | Goal = "D",
+    n_experiments: int | None = None,
+    n_candidates: int = 5000,
+    starts: int = 1000,
+    tolerance: float = 1e-6,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+) -> ApproximateDesign:
+    """Find weights of points, and prove how near to the best weights they are.
+
+    Maximised is the criterion of M = sum_i w_i F_i over weights that sum to 1, which is a concave problem (Kiefer and Wolfowitz
+    1960; Pukelsheim 1993). Among given candidates its solution is the best that there is, to the tolerance. Without candidates,
+    points are also moved in the region, until neither random climbs nor ascents of the sensitivity function from many starts
+    exceed its level by more than a thousandth. That is a search: it proves nothing about places to which neither came.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+        With output covariance "noise", whose information adds up over points.
+    candidates : Experiments, optional
+        What may get a weight. Default: the region.
+    goal : str or Goal
+        The name of a criterion, or all that the weights are to be good for. "ME" has no bound of this kind, nor has "E" `over` the
+        prior; over it, log det F is averaged, or log phi of "Ds", "A", "c" and "I".
+    n_experiments : int, optional
+        For `prior_information`, and where constants are uncertain: what is known beforehand counts once beside so many.
+    n_candidates : int
+        Candidates that are drawn in the region first; those that are no points are left out.
+    starts : int
+        Places from which local ascents must find nothing.
+    tolerance : float
+        By which share the sensitivity function may exceed its level over the candidates; at least 1e-9.
+    seed : int
+    threads : int, optional
+        Default: every core.
+    progress : bool or callable, optional
+        True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` each time that
+        something is done, with how many candidates are tried or weighed.
+
+    Returns
+    -------
+    ApproximateDesign
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, an output covariance that is not additive, and what the candidates cannot determine, with the combinations of
+        parameters that are left open.
+    """
+    started = time.perf_counter()
+    check_type(problem, DesignProblem, "problem")
+    check_additive(problem)
+    goal = goal_of(goal, "approximate_design")
+    criterion = criterion_of(problem, goal, threads)
+    starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
+    n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
+    seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
+    tolerance = as_positive(tolerance, "tolerance")
+    if not 1e-9 <= tolerance <= 0.1:
+        raise ValueError(f"tolerance: expected a share between 1e-9 and 0.1, given {tolerance:g}")
+    n_experiments = _experiments(goal.prior_information or problem.n_nuisance > 0, n_experiments)
+    if candidates is not None:
+        check_type(candidates, Experiments, "candidates")
+    scenarios = None if goal.over is None else _scenarios(problem, goal.over)
+    constant = None if n_experiments is None else prior_information(problem, goal.prior_information) / n_experiments
+    check_progress(progress)
+
+    if scenarios is not None:
+        there = [criterion_of(one, goal, threads) for one in scenarios.problems]
+        criterion = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
+    with following(progress, "approximate", counted=False) as callback:
+
+        def report(doing: str, candidates: int) -> None:
+            if callback is not None:
+                message = f"{doing}, {candidates} candidates"
+                callback(Progress(candidates, None, None, message, time.perf_counter() - started))
+
+        elsewhere = () if scenarios is None else scenarios.problems
+        source = PointRows(problem, threads, elsewhere)
+        rng = np.random.default_rng(seed)
+        given, fast = candidates, problem.model.in_core  # of slow models few points are tried
+        if given is None:
+            given = _drawn(problem, n_candidates, rng)
+            if fast and goal.criterion != "c":
+                given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, report)])
+        rows, places = source.valid(given)
+        if not len(rows):
+            refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
+            raise ValueError(f"candidates: expected valid points, given none: {refused_text or 'no points at all'}")
+        points, pool = given[places], CandidateRows(rows, constant)
+        spaces = [estimable(part.triangle()) for part in pool.parts]
+        space, least = spaces[0] if scenarios is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
+        null = not_told(problem, least)
+        refused = goal.requires_all and null
+        if not refused and len({one.rank for one in spaces}) > 1:
+            open_text = combinations(null)
+            raise ValueError(
+                f"over: expected scenarios with information on the same, given some without information on {open_text}"
+            )
+        if refused or not determined(problem, least) or criterion.outside(space) > NOT_TOLD:
+            open_text = combinations(null)
+            what = "all parameters, as singular = 'error' asks" if refused else f"criterion {goal.criterion!r}"
+            raise ValueError(
+                f"candidates: expected some that determine {what}, given none with information on {open_text}, in prior std"
+            )
+        left_out = FrozenMapping(dict(+source.rejected))
+        report("weighing", len(pool))
+        weights = optimal_weights(pool, criterion, tolerance=tolerance, seed=seed, space=space)
+        found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
+        if candidates is None:
+            climb = Climbs(problem, rng, threads, elsewhere).run if fast else None
+            found = refined(source, points, pool, criterion, weights, starts, tolerance, rng, climb, report)
+    weights = found.weights
+    tolerance, early = (
+        (max(tolerance, RegionTuning().above), StopReason.max_iterations) if found.starts else (tolerance, StopReason.rounding)
+    )
+    information = CandidateRows(found.rows, constant).information(np.arange(len(found.rows)), weights.weights)
+    inside = space.span.T @ information @ space.span if len(space.null) else information
+    inner = criterion if not len(space.null) else criterion.within(space.orthonormal)
+    return ApproximateDesign(
+        problem=problem,
+        goal=goal,
+        n_experiments=n_experiments,
+        points=found.points,
+        weights=weights.weights,
+        information=information if scenarios is None else parted(information, len(spaces)),
+        value=inner.value(inside),
+        efficiency=weights.efficiency,
+        largest=weights.largest,
+        level=criterion.within(space).level,
+        half=weights.half,
+        estimable=space,
+        null_directions=null,
+        n_candidates=found.n_candidates,
+        starts=found.starts,
+        sample=points[np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).astype(int)],
+        left_out=left_out,
+        deleted=weights.deleted,
+        stop_reason=StopReason.converged if weights.largest <= 1 + tolerance else early,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _scenarios(problem: DesignProblem, over: OverPrior) -> Scenarios:
+    """The problem at each of the scenarios; too many are an error."""
+    problems, average = moved_problems(problem, over)
+    size, most = len(problems) * problem.n_unknowns, MOST_OF_ALL // problem.n_unknowns
+    if size > MOST_OF_ALL:
+        raise ValueError(f"over: expected at most {most} scenarios of {problem.n_unknowns} parameters, given {len(problems)}")
+    return Scenarios(problems, average, (None,) * len(problems))
+
+
+def _experiments(added: bool, n_experiments: int | None) -> int | None:
+    if not added:
+        if n_experiments is not None:
+            raise ValueError(
+                "n_experiments: expected none without prior_information or uncertain constants, on which weights do not depend; "
+                "given one"
+            )
+        return None
+    if n_experiments is None:
+        raise ValueError(
+            "n_experiments: expected how many experiments there will be, as what is known beforehand counts once beside them all, "
+            "given none"
+        )
+    return check_positive_int(n_experiments, "n_experiments")
+
+
+def _searched(
+    problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None, report: Callable[[str, int], None]
+) -> list[Experiments]:
+    """The best candidates of searches for exact designs: they look on every scale near good points, where peaks may be narrow.
+
+    For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
+    """
+    p, found, best, tuning = len(problem.estimated), list[Experiments](), -np.inf, RegionTuning()
+    settings = ExchangeSettings(
+        n_experiments=p + tuning.points_beyond_parameters,
+        max_iterations=tuning.search_iterations,
+        seed=seed,
+    )
+    for k in range(tuning.searches):
+        search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
+        if search.run(_tried(search, report)) == StopReason.interrupted:
+            raise KeyboardInterrupt
+        seen = search.seen.best(search.best.information, None, tuning.search_candidates)
+        if seen is not None:
+            found.append(seen.experiments)
+        if seen is None or scenarios is not None:  # the candidates are those of the prior mean, the design is for all scenarios
+            found.append(search.best.information.experiments)
+        before, best = best, max(best, search.best.log_det)
+        if abs(search.best.log_det - before) < tuning.agreement_per_parameter * p:
+            break
+    return found
+
+
+def _tried(search: AutoSearch, report: Callable[[str, int], None]) -> Callable[[Progress], None]:
+    return lambda _: report("searching", search.source.drawn)
+
+
+def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:
+    """Points of the region, of every second some coordinates on its bounds, where optima often lie."""
+    region, model = problem.point_region, problem.model
+    table = region.draw(model, count, seed=rng, decades=True).table[:, : len(model.axes)].copy()
+    lower, upper = region.box(model)
+    on_bounds = rng.random(table.shape) < 0.5
+    on_bounds[::2] = False
+    table = np.where(on_bounds, np.where(rng.random(table.shape) < 0.5, lower, upper), table)
+    return Experiments.of_table(model, table)

@@ -1,0 +1,1 @@
+"""Candidates of designs as rows of sensitivities."""

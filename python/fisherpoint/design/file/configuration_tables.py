@@ -1,0 +1,297 @@
+"""The tables of the TOML file, each with what may stand in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+from pydantic import AfterValidator, ConfigDict, Field, create_model, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from ...basics.checks import percentage
+from ...basics.messages import listed
+from ...basics.quantity import Quantity
+from ...basics.toml_messages import fail, toml
+from ...basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
+from ...basics.units import convert_unit, same_zero
+from ...models import Model
+from ...points.rest import Rest
+from ...points.settings import COARSEST, FINEST
+from ...prior.gaussian import MOST_RELATIVE_STD
+from ...prior.rules import DEFAULT_RULE, RULES, Rule
+from ..goal.goal import Goal
+from ..goal.option import Key, keys_of
+from ..results.cost import Cost
+from ..results.settings import MOST, ExchangeMethod, ExchangeSettings
+
+Correlation = Annotated[float, Field(gt=-1, lt=1)]
+
+
+class Std(Constant):
+    """Standard deviation of a sensor, a constant or a start: a bare number or ``{value, unit}``."""
+
+    value: Positive
+
+
+def stds(table: Mapping[str, Std], quantities: Iterable[Quantity]) -> dict[str, float]:
+    """Standard deviations in the units of the quantities."""
+    units = {quantity.name: quantity.unit for quantity in quantities}
+    return {name: convert_unit(entry.value, entry.unit or units[name], units[name], width=True) for name, entry in table.items()}
+
+
+class PriorEntry(Table):
+    """Mean and standard deviation of one parameter before any experiment."""
+
+    mean: Number
+    std: Positive | None = None
+    relative_std: Positive | None = None
+    unit: str | None = None
+    log: bool = False
+
+    @field_validator("relative_std")
+    @classmethod
+    def _a_share(cls, given: float | None) -> float | None:
+        return given if given is None else _share(given, MOST_RELATIVE_STD)
+
+    @model_validator(mode="after")
+    def _exactly_one_std(self) -> PriorEntry:
+        if (self.std is None) == (self.relative_std is None):
+            raise PydanticCustomError("expected", "exactly one of std and relative_std")
+        if self.mean == 0 and self.relative_std is not None:
+            raise PydanticCustomError("expected", "std instead of relative_std, as the mean is 0")
+        if self.log and not self.mean > 0:
+            raise PydanticCustomError("expected", "a mean > 0 with log = true")
+        return self
+
+    def mean_and_std(self, quantity: Quantity) -> tuple[float, float]:
+        """Both in the unit of the parameter."""
+        given, wanted = self.unit or quantity.unit, quantity.unit
+        std = self.std
+        if std is None:
+            if not same_zero(given, wanted):
+                raise ValueError(
+                    f"{quantity.name}.relative_std: expected std for a parameter in {wanted} that is given in {given}, "
+                    "as a share of the mean is not the same in both"
+                )
+            std = (self.relative_std or 0.0) * abs(self.mean)
+        return convert_unit(self.mean, given, wanted), convert_unit(std, given, wanted, width=True)
+
+
+def _share(given: float, most: float) -> float:
+    if given > most:
+        raise PydanticCustomError("expected", f"a share of at most {most:g}, {percentage(given)}")
+    return given
+
+
+Target = Annotated[Positive, AfterValidator(lambda given: _share(given, 1.0))]
+"""A relative standard error."""
+
+
+class BoundsEntry(Abbreviated):
+    """Range of one state, input or of dt: a bare pair or ``{bounds, unit}``; equal bounds, or a number, fix the value."""
+
+    bare, expected = (list, int, float), 'a pair [lower, upper], a number, or {bounds = [lower, upper], unit = "..."}'
+
+    bounds: list[Number]
+    unit: str | None = None
+
+    @field_validator("bounds", mode="before")
+    @classmethod
+    def _fixed(cls, given: Any) -> Any:
+        return [given, given] if isinstance(given, int | float) and not isinstance(given, bool) else given
+
+    def pair(self, quantity: Quantity) -> tuple[float, float]:
+        """Both bounds in the unit of what they are of."""
+        lower, upper = convert_unit(self.bounds, self.unit or quantity.unit, quantity.unit)
+        return float(lower), float(upper)
+
+
+class RegionTable(Table):
+    """Bounds of every state, every input and dt, by name, and constraints between them."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, BoundsEntry] = Field(init=False)
+    constraints: list[str] = Field(default_factory=list)
+
+    @property
+    def bounds(self) -> dict[str, BoundsEntry]:
+        return self.__pydantic_extra__
+
+
+class Levels(Abbreviated):
+    """The only values of an input: a bare list or ``{values, unit}``."""
+
+    bare, expected = (list,), 'a list of numbers or {values = [...], unit = "..."}'
+
+    values: Annotated[list[Number], Field(min_length=1)]
+    unit: str | None = None
+
+
+class Change(Constant):
+    """The most that an input may change: a bare number or ``{value, unit}``."""
+
+    value: Positive
+
+
+class RestTable(Table):
+    """How runs start at rest, as `Rest` has it: held inputs, and what else is given or found."""
+
+    u: dict[str, Constant] = Field(default_factory=dict)
+    states: list[str] | None = None
+    hold: list[str] = Field(default_factory=list)
+    outputs: dict[str, Constant] = Field(default_factory=dict)
+    solve: list[str] = Field(default_factory=list)
+
+    def build(self, model: Model) -> Rest:
+        """The rest, in the units of a model."""
+        u, outputs = (_in_units(of, by) for of, by in ((self.u, model.inputs), (self.outputs, model.outputs)))
+        rest = Rest(u, states=self.states, hold=self.hold, outputs=outputs, solve=self.solve)
+        rest.check(model)
+        return rest
+
+
+def _in_units(table: Mapping[str, Constant], quantities: Iterable[Quantity]) -> dict[str, float]:
+    """Values in the units of the quantities; those of other names as they are."""
+    units = {quantity.name: quantity.unit for quantity in quantities}
+    known = {name: (entry.unit or units.get(name, "1"), units.get(name, entry.unit or "1")) for name, entry in table.items()}
+    return {name: convert_unit(entry.value, *known[name]) for name, entry in table.items()}
+
+
+class RunsTable(Table):
+    """Runs of several segments instead of points: how many, of what length, and what of them may vary."""
+
+    segments: Count
+    n_runs: Count | None = None
+    constant: list[str] = Field(default_factory=list)
+    shared: list[str] = Field(default_factory=list)
+    levels: dict[str, Levels] = Field(default_factory=dict)
+    slew: dict[str, Change] = Field(default_factory=dict)
+    duration: Positive | None = None
+    lead_in: Annotated[int, Field(ge=0)] = 0
+    samples: Count | None = None
+    rest: RestTable | None = None
+    n_starts: Count | None = None
+
+    @model_validator(mode="after")
+    def _something_is_measured(self) -> RunsTable:
+        if self.lead_in >= self.segments:
+            fail(f"runs.lead_in: expected fewer than all {self.segments} segments, given {self.lead_in}")
+        return self
+
+    def options(self, model: Model) -> dict[str, Any]:
+        """Keyword arguments for `RunRegion`."""
+        given = self.model_dump(include={"segments", "constant", "shared", "duration", "samples"})
+        given["levels"] = {name: [*of.values, of.unit] if of.unit else of.values for name, of in self.levels.items()}
+        given["slew"] = {name: (of.value, of.unit) if of.unit else of.value for name, of in self.slew.items()}
+        rest = None if self.rest is None else self.rest.build(model)
+        return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}
+
+    def search(self) -> dict[str, Any]:
+        """Keyword arguments for `design_runs`."""
+        return self.model_dump(include={"n_runs", "n_starts"}, exclude_none=True)
+
+
+class RuleTable(Table):
+    """How expectations over the prior are taken; without a kind, levels, span and edges are those of the paper's grid."""
+
+    kind: Literal["tensor_grid", "gauss_hermite", "sparse_gauss_hermite", "sobol", "unscented", "linearized"] | None = None
+    levels: Count | dict[str, Count] | None = None
+    span: Positive | None = None
+    edges: list[Number] | dict[str, list[Number]] | None = None
+    level: Count | None = None
+    n: Count | None = None
+    seed: Annotated[int, Field(ge=0)] | None = None
+
+    @model_validator(mode="after")
+    def _keys_of_the_kind(self) -> RuleTable:
+        given = self.model_dump(exclude={"kind"}, exclude_none=True)
+        if given and self.rule_class is None:
+            fail(f"rule.kind: missing; expected one of {listed(RULES)}")
+        for key in given:
+            kinds = [f'"{kind}"' for kind, rule in RULES.items() if key in _arguments(rule)]
+            if self.rule_class is not None and key not in _arguments(self.rule_class):
+                fail(f"rule.{key}: expected only with kind = {' or '.join(kinds)}, given {toml(self.kind)}")
+        return self
+
+    @property
+    def rule_class(self) -> type[Rule] | None:
+        """None for the library's default."""
+        if self.kind is None and (self.levels, self.span, self.edges) != (None, None, None):
+            return RULES["tensor_grid"]
+        return None if self.kind is None else RULES[self.kind]
+
+    def build(self) -> Rule:
+        """The rule."""
+        arguments = self.model_dump(exclude={"kind"}, exclude_none=True)
+        return DEFAULT_RULE if self.rule_class is None else self.rule_class(**arguments)
+
+
+def _arguments(rule: type[Rule]) -> list[str]:
+    return [field.name for field in fields(rule)]
+
+
+class ProblemKeys(Table):
+    """The keys of [design] that are of the problem: what is estimated, and how trajectories are computed."""
+
+    output_covariance: Literal["noise", "region", "pooled", "pointwise"] | None = None
+    parameters: Annotated[list[str], Field(min_length=1)] | None = None
+    kinks: Literal["cross", "exclude"] | None = None
+    jumps: Literal["cross", "exclude"] | None = None
+    rtol: Annotated[float, Field(ge=FINEST, le=COARSEST)] | None = None
+    assumed_covariance: Literal["tangents", "predictive"] | None = None
+    along: list[str] | None = None
+
+
+def _of_options(name: str, base: type[Table], *kinds: type) -> type[Table]:
+    """A table with a key for each option of these classes that has one."""
+    keys: dict[str, Any] = {label: (_annotated(key) | None, None) for label, key in keys_of(*kinds).items()}
+    return create_model(name, __base__=base, **keys)
+
+
+def _annotated(key: Key) -> Any:
+    """The type of a key with its limits, as pydantic has it."""
+    if key.choices:
+        return Literal[key.choices]
+    limits = {"ge": key.least, "le": key.most, "gt": key.above, "lt": key.below}
+    number: dict[str, Any] = {name: limit for name, limit in limits.items() if limit is not None}
+    if key.kind in (float, dict[str, float]):
+        number["allow_inf_nan"] = False
+    if key.kind == dict[str, float]:
+        return dict[str, Annotated[float, Field(**number)]]
+    return Annotated[key.kind, Field(**number)] if number else key.kind
+
+
+if TYPE_CHECKING:  # what is known of them before the program runs
+    GoalTable: TypeAlias = Table
+    DesignTable: TypeAlias = ProblemKeys
+else:  # what is left out takes the library's default
+    GoalTable = _of_options("GoalTable", Table, Goal)
+    DesignTable = _of_options("DesignTable", ProblemKeys, ExchangeSettings, ExchangeMethod)
+
+
+class CostTable(Table):
+    """What experiments cost, in whatever unit."""
+
+    fixed: NotNegative | None = None
+    per_experiment: NotNegative | None = None
+    per_second: NotNegative | None = None
+    per_change: dict[str, NotNegative] | None = None
+
+    def build(self) -> Cost:
+        """The costs."""
+        return Cost(**self.model_dump(exclude_none=True))
+
+
+class CampaignTable(Table):
+    """A campaign: how many points a batch has, and the relative standard errors to reach, one for all or by parameter."""
+
+    batch: Annotated[int, Field(ge=1, le=MOST["n_experiments"])] | None = None
+    targets: Target | dict[str, Target] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _old_name(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "rse" in given:
+            fail("campaign.rse: expected campaign.targets, which is the name of this key now")
+        return given

@@ -1,0 +1,1 @@
+"""Goals of designs: criteria of optimality, and what candidates can determine."""

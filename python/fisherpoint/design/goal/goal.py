@@ -1,0 +1,306 @@
+"""The goal of a design: the criterion with what it needs, over which parameters, beside what, and what to do where it is singular.
+
+Each search takes a `Goal`, or the name of a criterion. What a new part of the goal needs stands here: its field with default, words
+and key in the TOML file, its check, and which searches cannot have it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import Any
+
+from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choice, check_flag, check_name, check_type
+from ...basics.options import Options
+from ...points.experiments import Experiments
+from ...prior.rules import Sobol
+from .option import Key, option
+from .over_prior import KINDS, OverPrior
+
+WORDS = {
+    "D": "log det F",
+    "A": "trace of F^-1",
+    "E": "smallest eigenvalue of F",
+    "ME": "condition number of F",
+    "c": "variance of the function",
+    "Ds": "log det of the information about the subset",
+    "I": "mean prediction variance",
+}
+CRITERIA = tuple(WORDS)
+OF_ALL = ("D", "A", "E", "ME")
+"""Criteria of all parameters; the others are of certain functions of them."""
+
+SCALED = ("A", "E", "ME")
+"""Criteria that depend on how the parameters are scaled."""
+
+MINIMISED = ("A", "c", "I", "ME")
+"""Criteria that are better the smaller they are."""
+
+SINGULAR = ("estimable", "error")
+"""What is done where not all parameters can be determined: a design for those that can, or an error."""
+
+NEEDED = {"c": "a function of the parameters as text", "Ds": "names of parameters", "I": "the name of an output"}
+"""What `of` is, by the criteria that need it."""
+
+NO_BOUND = "no bound holds for the condition number, which has no concave form"
+NO_PLANTS = "only fisherpoint.exchange and fisherpoint.design_runs look at the plants of the prior"
+
+UNABLE: Mapping[str, Mapping[str, str]] = {
+    "sweep": {"confidence": NO_PLANTS},
+    "approximate_design": {
+        "criterion 'ME'": NO_BOUND,
+        "criterion 'E' with over": "the smallest eigenvalue has kinks of its own",
+        "confidence": NO_PLANTS,
+    },
+    "exact_design": {"criterion 'ME'": NO_BOUND, "over": "its bounds are of the prior mean", "confidence": NO_PLANTS},
+    "design_pieces": {
+        **{f"criterion {name!r}": "windows are picked by log det F" for name in CRITERIA[1:]},
+        "over": "windows are picked at the prior mean",
+        "prior_information": "windows are picked by what they say themselves",
+        "confidence": "windows were measured, and can be run",
+    },
+}
+"""What searches cannot have in a goal, and why; what the others cannot have depends on the problem."""
+
+
+@dataclass(frozen=True)
+class Goal(Options):
+    """What a design is to be good for.
+
+    Parameters
+    ----------
+    criterion : {"D", "A", "E", "ME", "c", "Ds", "I"}
+        log det F; the trace of F^-1; the smallest eigenvalue of F; the ratio of the largest to the smallest; the variance of a
+        function of the parameters; log det of the information about some parameters, with the others unknown too; the mean
+        variance of a predicted output.
+    of : str or sequence of str, optional
+        For "c" the function as text, such as ``"a / b"``; for "Ds" names of parameters; for "I" the name of an output.
+    conditions : Experiments, optional
+        For "I", where the output is predicted.
+    scale : mapping of parameter name to float, optional
+        For "A", "E" and "ME", what errors of the parameters are compared with, SI units. Default: the prior std.
+    over : OverPrior, optional
+        An average of the criterion over parameters of the prior instead of its value at the prior mean. Points and runs must be
+        valid in every scenario; the time is that of one scenario times their number, and less for more than four.
+    prior_information : bool
+        Whether the inverse of the prior's covariance counts beside the data. The criterion, the bounds and the standard errors are
+        then those of an estimate in which the prior takes part, and fewer points than parameters are enough. A prior that is the
+        posterior of previous data counts these once more: give one of the two.
+    singular : {"estimable", "error"}
+        Where the points, or any points of the region, do not determine all parameters: "estimable" designs for what can be
+        determined, by "D", "A", "E" and "ME" of that, and the report names the rest (docs/how_to/singular.md); "error" raises.
+    confidence : float, optional
+        The share of the plants of the prior that must be able to run the whole design, such as 0.99. Default: 0.99 for runs; for
+        points none, where one plant in ten may not be able to run one. 0 requires it of none but the prior mean.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For another criterion, and what it needs and is not given, or is given and not used.
+    """
+
+    criterion: str = option(
+        "D",
+        "criterion",
+        Key(str, "[What the design is to be good for](../how_to/criteria.md): log det F, or another criterion.", choices=CRITERIA),
+    )
+    _: KW_ONLY
+    of: str | tuple[str, ...] | None = option(
+        None,
+        "criterion of",
+        Key(
+            str | list[str],
+            'For `"c"` a function of the parameters; for `"Ds"` names of parameters; for `"I"` the name of an output.',
+        ),
+    )
+    conditions: Experiments | None = option(
+        None,
+        "points at which the criterion predicts",
+        Key(str, 'For `"I"`, a CSV file beside this one with the points at which the output is predicted.'),
+    )
+    scale: Mapping[str, float] | None = option(
+        None,
+        "scale of the parameters",
+        Key(
+            dict[str, float],
+            'For `"A"`, `"E"` and `"ME"`, what errors of the parameters are compared with, by name.',
+            above=0,
+        ),
+    )
+    over: OverPrior | None = option(
+        None,
+        "criterion over the prior",
+        Key(
+            str,
+            "What is maximised [over the prior](../how_to/over_prior.md), not at its mean alone: the mean of the criterion over"
+            " scenarios, the smallest, or the mean of the worst `share` of them.",
+            choices=KINDS,
+        ),
+        scenarios=Key(int, "Number of these scenarios, a power of two; nodes of a Sobol rule.", least=1, default="`8`"),
+        share=Key(float, 'Share of the scenarios of `"cvar"`.', above=0, most=1, default="`0.25`"),
+    )
+    prior_information: bool = option(
+        False,
+        "the prior's information counts",
+        Key(
+            bool,
+            "Whether the [prior's information](../how_to/criteria.md#what-the-prior-knows) counts beside that of the measurements.",
+        ),
+    )
+    singular: str = option(
+        "estimable",
+        "where parameters are left open",
+        Key(
+            str,
+            "Where points leave some parameters open: a design for [what can be estimated](../how_to/singular.md), or an error.",
+            choices=SINGULAR,
+        ),
+    )
+    confidence: float | None = option(
+        None,
+        "share of the plants that must be able to run the design",
+        Key(
+            float,
+            "Share of the plants that the prior allows which must be able to run"
+            " [the whole design](../how_to/limits.md#points-that-most-plants-can-run); 0 for the prior mean alone.",
+            least=0,
+            below=1,
+            default="none; of runs `0.99`",
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        check_choice(self.criterion, CRITERIA, "criterion")
+        if self.of is not None and not isinstance(self.of, str):
+            set_field(self, "of", tuple(check_name(one, "of") for one in as_sequence(self.of, "of", "names")))
+        if self.conditions is not None:
+            check_type(self.conditions, Experiments, "conditions")
+        if self.scale is not None:
+            set_field(self, "scale", by_name(self.scale, None, "scale", as_std))
+        if self.over is not None and not isinstance(self.over, OverPrior):
+            raise TypeError(f"over: expected an OverPrior or None, given {type(self.over).__name__}")
+        set_field(self, "prior_information", check_flag(self.prior_information, "prior_information"))
+        check_choice(self.singular, SINGULAR, "singular")
+        if self.confidence is not None:
+            set_field(self, "confidence", as_float(self.confidence, "confidence"))
+            if not 0 <= self.confidence < 1:
+                raise ValueError(f"confidence: expected a share of at least 0 and below 1, given {self.confidence:g}")
+        self._check_used()
+
+    def _check_used(self) -> None:
+        """Raise where the criterion lacks what it needs, or is given what it does not use."""
+        name = self.criterion
+        if name in NEEDED and self.of is None:
+            raise ValueError(f"of: expected {NEEDED[name]} for criterion {name!r}, given none")
+        if name == "I" and self.conditions is None:
+            raise ValueError("conditions: expected the points at which criterion 'I' predicts, given none")
+        for label, users in (("of", NEEDED), ("conditions", ("I",)), ("scale", SCALED)):
+            if getattr(self, label) is not None and name not in users:
+                raise ValueError(f"{label}: expected none for criterion {name!r}, given one")
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], points: Callable[[str], Experiments]) -> Goal:
+        """Return the goal that a table of the TOML file states.
+
+        Parameters
+        ----------
+        table : mapping of key to value
+            What the fields of this class allow.
+        points : callable
+            Reads the file that `conditions` names.
+        """
+        given = dict(table)
+        scenarios, share, kind = given.pop("scenarios", None), given.pop("share", None), given.pop("over", None)
+        if scenarios is not None and kind is None:
+            raise ValueError(f"scenarios: expected only with over, given {scenarios}")
+        if share is not None and kind != "cvar":
+            raise ValueError(f'share: expected only with over = "cvar", given {share:g}')
+        if kind is not None:
+            options: dict[str, Any] = {} if share is None else {"share": share}
+            if scenarios is not None:
+                try:
+                    options["scenarios"] = Sobol(scenarios)
+                except ValueError as error:
+                    raise ValueError(str(error).replace("n:", "scenarios:", 1)) from error
+            given["over"] = OverPrior(kind, **options)
+        if "conditions" in given:
+            given["conditions"] = points(given["conditions"])
+        return cls(**given)
+
+    @property
+    def of_all(self) -> bool:
+        """Whether the criterion is of all parameters."""
+        return self.criterion in OF_ALL
+
+    @property
+    def requires_all(self) -> bool:
+        """Whether it is an error to leave parameters open."""
+        return self.singular == "error" and self.of_all
+
+    @property
+    def share_of_plants(self) -> float | None:
+        """The share of the plants that must be able to run the design; None where the prior mean is enough."""
+        return self.confidence or None
+
+    # --- Words -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def named(self) -> str:
+        """The criterion as part of a sentence."""
+        words = WORDS[self.criterion]
+        if self.of is None:
+            return words
+        what = self.of if isinstance(self.of, str) else ", ".join(self.of)
+        named = {"c": f"variance of {what}", "Ds": f"log det of the information about {what}"}
+        return named.get(self.criterion, f"{words} of {what}")
+
+    @property
+    def objective(self) -> str:
+        """What is maximised at one place of the parameters, as part of a sentence."""
+        if self.criterion in ("D", "Ds"):
+            return self.named
+        return f"{'-' if self.criterion in MINIMISED else ''}log({self.named})"
+
+    @property
+    def maximised(self) -> str:
+        """What is maximised, as part of a sentence."""
+        return self.objective if self.over is None else self.over.described_with(self.objective)
+
+    @property
+    def headline(self) -> str:
+        """The end of a headline; nothing for log det F, which is the usual one."""
+        return "" if self.criterion == "D" else f"; chosen by criterion {self.criterion}, {self.named}"
+
+
+def goal_of(given: str | Goal, search: str = "") -> Goal:
+    """Return the goal that a search is given: a text is the name of a criterion.
+
+    Raises
+    ------
+    TypeError
+        For something else.
+    ValueError
+        For a goal that this search cannot have; the message says what it cannot, and why.
+    """
+    if isinstance(given, str):
+        given = Goal(given)
+    if not isinstance(given, Goal):
+        raise TypeError(f"goal: expected the name of a criterion or a Goal, given {type(given).__name__}")
+    for name, why in UNABLE.get(search, {}).items():
+        if _has(given, name):
+            raise ValueError(f"goal: expected one without {name} for fisherpoint.{search}, given one with it: {why}")
+    return given
+
+
+def _has(goal: Goal, name: str) -> bool:
+    """Whether a goal has what `UNABLE` names."""
+    criterion, _, with_over = name.partition(" with ")
+    if criterion.startswith("criterion "):
+        return criterion == f"criterion {goal.criterion!r}" and (not with_over or goal.over is not None)
+    return bool(getattr(goal, name))
+
+
+def with_default_confidence(goal: Goal, confidence: float) -> Goal:
+    """Return the goal with this confidence where it has none."""
+    return goal if goal.confidence is not None else replace(goal, confidence=confidence)

@@ -1,0 +1,1 @@
+"""What searches find: records, reports, tables and pictures of designs."""

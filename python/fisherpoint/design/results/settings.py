@@ -1,0 +1,216 @@
+"""What decides the result of the searches for points and for runs: the goal and the options, with defaults and limits."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
+
+from ...basics.checks import (
+    as_float,
+    as_positive,
+    check_choice,
+    check_flag,
+    check_positive_int,
+    check_type,
+)
+from ...basics.options import Options
+from ...information.output_covariance import needs_covariances
+from ...information.problem import DesignProblem
+from ..goal.goal import Goal, with_default_confidence
+from ..goal.option import Key, option
+
+METHODS = ("paper", "auto")
+
+MOST_ITERATIONS = {"paper": 200, "auto": 800}
+"""Iterations of a search by its method, where no other number is given; "auto" ends earlier where nothing gains any more."""
+MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
+MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
+
+SEED = Key(int, "Seed of the search; the same seed gives the same design, whatever the number of threads.", least=0)
+TIME_LIMIT = Key(
+    float, "Stop after this many seconds: a safety net, that makes designs differ. Not allowed in a campaign.", above=0
+)
+
+
+@dataclass(frozen=True)
+class ExchangeMethod(Options):
+    """How `exchange` searches for points.
+
+    Parameters
+    ----------
+    name : {"auto", "paper"}
+        "auto" exchanges points from several starts over pools of candidates, at first 200 n_candidates random ones, then in each
+        iteration 12 or 24 n_candidates near the points, and moves all numbers together. It ends as "converged" where nothing gains
+        any more. "paper" is Algorithm 1 with local candidates: a fraction of the time, and designs that are not as good. Where D is
+        "pooled" or "pointwise", and for models of Python functions that cannot be translated, "auto" is "paper".
+    patience : int, optional
+        Stop after so many iterations in a row without an exchange.
+    references : bool
+        Also find what the design is compared with (`Efficiency`).
+    max_redraws : int
+        For "paper": how often candidates are drawn again where none improves Phi (lines 6 to 12); then the best of them is tried
+        all the same.
+    screen : bool
+        For "paper", where the output covariance is "pooled" or "pointwise": order candidates by their linearized covariances and
+        take the rule for the best few only. False takes it for all, as Algorithm 1 is written.
+    local : float
+        For "paper": candidates near the points of the design that are drawn beside the n_candidates, as a share of these over all
+        iterations. They come every fourth time, at least one for each point. 0 for none: Algorithm 1 alone.
+    """
+
+    name: str = option("auto", "method of the search")
+    _: KW_ONLY
+    patience: int | None = option(
+        None,
+        "ends after iterations without an exchange",
+        Key(int, "Stop after this many iterations without an exchange.", least=1, most=MOST["patience"]),
+    )
+    references: bool = option(True, "compared with random designs and bounds")
+    max_redraws: int = option(1, "further draws where no candidate helps, at most")
+    screen: bool = option(True, "candidates are ordered by a cheaper rule first")
+    local: float = option(
+        0.5,
+        "candidates near the points, as a share of the others",
+        Key(
+            float,
+            "Number of candidates close to points of the design, as a share of the random ones; 0 for none.",
+            least=0,
+            most=1,
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        check_choice(self.name, METHODS, "method")
+        if self.patience is not None:
+            set_field(self, "patience", check_positive_int(self.patience, "patience", most=MOST["patience"]))
+        set_field(self, "references", check_flag(self.references, "references"))
+        set_field(self, "max_redraws", check_positive_int(self.max_redraws, "max_redraws", 0, MOST["max_redraws"]))
+        set_field(self, "screen", check_flag(self.screen, "screen"))
+        set_field(self, "local", as_float(self.local, "local"))
+        if not 0 <= self.local <= 1:
+            raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
+
+
+def method_of(given: str | ExchangeMethod) -> ExchangeMethod:
+    """Return the method that a search is given: a text is its name."""
+    if isinstance(given, str):
+        return ExchangeMethod(given)
+    if not isinstance(given, ExchangeMethod):
+        raise TypeError(f"method: expected 'paper', 'auto' or an ExchangeMethod, given {type(given).__name__}")
+    return given
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExchangeSettings:
+    """The arguments of `exchange` that decide its result, and their defaults; without `max_iterations` it is that of the method."""
+
+    n_experiments: int = option(
+        12, "points", Key(int, "Number of points of the design.", least=1, most=MOST["n_experiments"]), always=True
+    )
+    goal: Goal = Goal()
+    method: ExchangeMethod = option(
+        ExchangeMethod(),
+        "",
+        Key(
+            str,
+            'The [search](../explanation/search.md): `"auto"`, or the faster `"paper"`, which is Algorithm 1 with moves of points'
+            " and gets less close to the best design.",
+            choices=METHODS,
+            default='`"auto"`',
+        ),
+    )
+    n_candidates: int = option(
+        50,
+        "candidates of a draw",
+        Key(
+            int,
+            'Random candidates per iteration; `"auto"` has 200 times as many in its pool. Of runs, random runs to begin with.',
+            least=1,
+            most=MOST["n_candidates"],
+            default="`50`, of runs `500`",
+        ),
+    )
+    max_iterations: int = option(
+        None,  # a number once there is a method
+        "iterations, at most",
+        Key(
+            int,
+            "Largest number of iterations.",
+            least=1,
+            most=MOST["max_iterations"],
+            default=f'`{MOST_ITERATIONS["auto"]}`, with the search `"paper"` `{MOST_ITERATIONS["paper"]}`',
+        ),
+    )
+    seed: int = option(0, "seed", SEED, always=True)
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT)
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        check_type(self.goal, Goal, "goal")
+        check_type(self.method, ExchangeMethod, "method")
+        if self.max_iterations is None:
+            set_field(self, "max_iterations", MOST_ITERATIONS[self.method.name])
+        for name, least in (("n_experiments", 1), ("n_candidates", 1), ("max_iterations", 0)):
+            set_field(self, name, check_positive_int(getattr(self, name), name, least, MOST[name]))
+        _check_seed_and_time(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings:
+    """The arguments of `design_runs` that decide its result, and their defaults."""
+
+    n_runs: int = option(1, "runs", always=True)
+    goal: Goal = Goal()
+    n_starts: int = option(8, "starts of the search", always=True)
+    n_candidates: int = option(500, "random runs to begin with")
+    seed: int = option(0, "seed", SEED, always=True)
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT)
+
+    CONFIDENCE: ClassVar[float] = 0.99
+    """Of a goal that has none."""
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        check_type(self.goal, Goal, "goal")
+        set_field(self, "goal", with_default_confidence(self.goal, self.CONFIDENCE))
+        for name, most in MOST_OF_RUNS.items():
+            set_field(self, name, check_positive_int(getattr(self, name), name, most=most))
+        _check_seed_and_time(self)
+
+
+def _check_seed_and_time(settings: ExchangeSettings | RunSettings) -> None:
+    object.__setattr__(settings, "seed", check_positive_int(settings.seed, "seed", 0))
+    if settings.time_limit is not None:
+        object.__setattr__(settings, "time_limit", as_positive(settings.time_limit, "time_limit", "number of seconds"))
+
+
+def searched_by(method: str, problem: DesignProblem) -> str:
+    """The method of a search: "auto" is that of the paper where D needs every point's covariance, or trajectories cost much."""
+    costly = needs_covariances(str(problem.output_covariance)) or not problem.model.in_core
+    return "paper" if costly else method
+
+
+def most_iterations(given: int | None, method: ExchangeMethod, problem: DesignProblem) -> int:
+    """The largest number of iterations that is given, or that of the method."""
+    return MOST_ITERATIONS[searched_by(method.name, problem)] if given is None else given
+
+
+def check_goal(settings: ExchangeSettings, problem: DesignProblem) -> None:
+    """Raise where the search for a problem cannot have the goal: "paper", and other D than R, maximise log det F at the mean."""
+    goal, kind, method = settings.goal, str(problem.output_covariance), settings.method.name
+    by_auto = searched_by(method, problem) == "auto"
+    others = {
+        "over": goal.over is not None,
+        f"criterion {goal.criterion!r}": goal.criterion != "D",
+        "prior_information": goal.prior_information,
+    }
+    unable = [name for name, given in others.items() if given and not (by_auto and kind == "noise")]
+    if goal.share_of_plants is not None and not by_auto:
+        unable.insert(0, "confidence")
+    if unable:
+        name, covariances = unable[0], '"noise" or "region"' if unable[0] == "confidence" else '"noise"'
+        raise ValueError(
+            f'{name}: expected method = "auto", output_covariance = {covariances} and a model of equations, '
+            f"given method {method!r}, output_covariance {kind!r} and a {type(problem.model).__name__}"
+        )

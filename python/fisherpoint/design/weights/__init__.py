@@ -1,0 +1,1 @@
+"""The best weights of given candidates."""
