@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.basics.kept import decoded, encoded
 from fisherpoint.design.configuration import ConfigError, load_config
 from fisherpoint.design.optimality.goal import UNABLE, Goal, goal_of
-from fisherpoint.design.settings import read_settings, settings_json
 
 MICHAELIS_MENTEN = Path(__file__).resolve().parents[2] / "examples" / "michaelis_menten.toml"
 POINTS = fp.Experiments(np.zeros((2, 0)), np.array([[0.1], [1.0]]))
@@ -77,12 +77,12 @@ def test_searches_refuse_what_they_cannot_have_in_one_way(search: str) -> None:
 )
 def test_files_give_it_back(goal: Goal) -> None:
     for settings in (fp.ExchangeSettings(goal=goal), fp.RunSettings(goal=goal)):
-        data = settings_json(settings)
-        assert read_settings(data) == settings
+        data = encoded(settings)
+        assert decoded(data, type(settings)) == settings
         ((_, content),) = data.items()
         del content["goal"]["Goal"]["singular"]
         with pytest.raises(ValueError, match=r"goal\.singular: expected an entry, given none"):
-            read_settings(data)
+            decoded(data, type(settings))
 
 
 def test_runs_have_a_confidence_unless_the_goal_says_none() -> None:
