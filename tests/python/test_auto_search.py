@@ -323,7 +323,7 @@ def test_it_ends_when_nothing_gains_any_more() -> None:
     model, mean, bounds, count = ONE_FACTOR["Michaelis-Menten"]
     design = fp.exchange(known_problem(model, mean, bounds), count, n_candidates=8, method=fp.ExchangeMethod(references=False))
     assert design.stop_reason == "converged" and design.trace[-1].iteration < 200
-    assert "nothing gained any more" in str(design.report())
+    assert design.stop_reason.advice in " ".join(str(design.report()).split())
 
 
 def test_limits_are_kept() -> None:

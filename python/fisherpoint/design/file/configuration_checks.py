@@ -30,7 +30,8 @@ def valid_tables(config: type[BaseModel], data: Mapping[str, Any]) -> dict[str, 
     found: dict[str, Any] = {}
     for name, field in config.model_fields.items():
         if name not in data:
-            found[name] = field.get_default(call_default_factory=True)
+            if not field.is_required():  # else it is missing, which is reported elsewhere
+                found[name] = field.get_default(call_default_factory=True)
             continue
         given = data[name]
         valid = _valid(field.annotation, given)
