@@ -106,19 +106,19 @@ class PointAscent:
         found = self.rows(survivors)[:, place] if len(kept) else 0.0
         there = np.where((place >= 0)[:, :, None, None], found, rows[:, None])
         values = np.array([self._value(there[:, trial]) for trial in range(trials)])
-        for trial in np.argsort(-values, kind="stable")[: self.tuning.checked_ascent_steps]:
-            if not values[trial] > value:
-                break
-            moved = place[trial] >= 0
-            chosen, valid = self._source.confirmed(survivors[place[trial, moved]])
-            moved[moved] = valid
-            rows_there = np.where(moved[:, None, None], there[:, trial], rows)
-            gain = self._value(rows_there) - value
-            if gain > 0:
-                source = np.arange(count)
-                source[moved] = count + np.flatnonzero(valid)
-                return (PointInformation.join([points, chosen])[source], rows_there, int(trial), moved), gain
-        return None, 0.0
+        trial = int(np.argmax(values))
+        if not values[trial] > value:
+            return None, 0.0
+        moved = place[trial] >= 0
+        chosen, valid = self._source.confirmed(survivors[place[trial, moved]])
+        moved[moved] = valid
+        rows_there = np.where(moved[:, None, None], there[:, trial], rows)
+        gain = self._value(rows_there) - value
+        if not gain > 0:
+            return None, 0.0
+        source = np.arange(count)
+        source[moved] = count + np.flatnonzero(valid)
+        return (PointInformation.join([points, chosen])[source], rows_there, trial, moved), gain
 
     def _linear(self, z: Array, rows: Array) -> LinearRows:
         """The criterion to first order, by differences; a number without a derivative stays."""

@@ -86,7 +86,7 @@ class PoolSearch(PointSearch):
         return design
 
     def _start(self, pool: Pool, at_random: bool) -> PointInformation:
-        """A design of a random part of the pool, the best points or half of them any; what is not valid gives way to what is.
+        """A design of a random part of the pool, the best points or half of them any; valid points replace others.
 
         The best by log det F where half of them are not any, as other criteria see only what is known worst while points are few.
         """

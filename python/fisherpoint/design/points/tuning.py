@@ -142,7 +142,7 @@ class PointSearchTuning:
     """Share of the pool from which a group begins, so that groups differ."""
 
     least_start_candidates: int = 300
-    """Least number of candidates from which a group begins."""
+    """Number of random candidates from which a design begins whose points are half random; others have no fewer."""
 
     most_start_work: int = 200_000
     """Maximum number of points times candidates of the first exchange."""
@@ -216,9 +216,6 @@ class PointSearchTuning:
 
     ascent_difference_step: float = 1e-4
     """Step of a number for difference quotients, as a share of the region's width."""
-
-    checked_ascent_steps: int = 4
-    """Maximum number of steps of an iteration whose points are tried on all nodes."""
 
     cycle_rounds: int = 16
     """Number of rounds between two ascents of the merged design."""
