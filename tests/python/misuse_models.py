@@ -120,11 +120,11 @@ def model_cases() -> dict[str, Case]:
             prior=(prior(), PRIOR),
         ),
         **{
-            f"{name}()": case(lambda x, name=name: getattr(fp, name)(x), x=(0.5, NUMBER, TERM))
+            f"{name}()": case(lambda x, name=name: getattr(fp.math, name)(x), x=(0.5, NUMBER, TERM))
             for name in ("sqrt", "exp", "sin", "abs", "sign", "heaviside")
         },
         **{
-            f"{name}()": case(lambda a, b, name=name: getattr(fp, name)(a, b), a=(0.5, NUMBER, TERM), b=(1, NUMBER, TERM))
+            f"{name}()": case(lambda a, b, name=name: getattr(fp.math, name)(a, b), a=(0.5, NUMBER, TERM), b=(1, NUMBER, TERM))
             for name in ("min", "max", "atan2")
         },
         "latch()": case(
