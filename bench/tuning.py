@@ -20,7 +20,7 @@ import numpy as np
 import fisherpoint as fp
 from fisherpoint.basics.values import Array
 from fisherpoint.design.points.auto_search import AutoSearch
-from fisherpoint.design.points.lineage import Lineage
+from fisherpoint.design.points.past_moves import Lineage
 from fisherpoint.design.points.tuning import PointSearchTuning
 from fisherpoint.design.results.settings import ExchangeSettings
 

@@ -16,7 +16,7 @@ from typing import Any
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import Config
 from fisherpoint.design.goal.goal import Goal
-from fisherpoint.design.goal.option import keys_of, options_of
+from fisherpoint.design.goal.options import keys_of, options_of
 from fisherpoint.design.results.settings import ExchangeMethod, ExchangeSettings
 
 PAGE = Path(__file__).resolve().parents[1] / "reference" / "configuration.md"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.pieces.piece_design import PieceDesign
     from .design.points.exchange import exchange
     from .design.results.cost import Cost
-    from .design.results.result import Design
+    from .design.results.design import Design
     from .design.results.settings import ExchangeMethod
     from .design.runs.design_runs import design_runs
     from .design.runs.run_design import RunDesign
@@ -162,7 +162,7 @@ _PLACES = {
     ".design.goal.over_prior": ("OverPrior",),
     ".design.pieces.design_pieces": ("design_pieces",),
     ".design.pieces.piece_design": ("PieceDesign",),
-    ".design.results.result": ("Design",),
+    ".design.results.design": ("Design",),
     ".design.runs.design_runs": ("design_runs",),
     ".design.runs.run_design": ("RunDesign",),
     ".design.results.settings": ("ExchangeMethod",),

@@ -3,14 +3,14 @@
 from .data import RecordTrajectory
 from .design.compare.compare import ComparedDesign, DesignComparison
 from .design.results.efficiency import Efficiency
-from .design.results.found import TraceRecord
+from .design.results.found_design import TraceRecord
 from .design.results.scenario_values import ScenarioValues
 from .design.results.settings import ExchangeSettings, RunSettings
-from .design.sweep.swept import SizedDesign
+from .design.sweep.sweep_record import SizedDesign
 from .information.comparison import RuleComparison
 from .information.feasibility import Feasibility
 from .information.identifiability import Identifiability
-from .information.nearby import Nearby
+from .information.local_robustness import Nearby
 from .validation.design_validation import DesignValidation
 
 __all__ = [

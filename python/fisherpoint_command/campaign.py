@@ -61,7 +61,7 @@ def campaign(
         from .drawing import drawers
         from .results import free_for_campaign
         from .terminal import as_file, read_config
-        from .written import write_shown
+        from .written_results import write_shown
     config, output = read_config(file), frame.output
     settings = _settings(config, size, seed)
     if output is not None:

@@ -43,7 +43,7 @@ def compare(
         from .heartbeat import alive
         from .runs import read_designs
         from .terminal import read_config
-        from .written import write_shown, write_tables
+        from .written_results import write_shown, write_tables
     config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:

@@ -7,8 +7,8 @@ from itertools import zip_longest
 from typing import Any
 
 import fisherpoint as fp
-from fisherpoint.basics.kept import encoded
 from fisherpoint.basics.messages import listed, shortened
+from fisherpoint.basics.result_files import encoded
 from fisherpoint.basics.toml_messages import toml
 from fisherpoint.prior.rules import RULES
 

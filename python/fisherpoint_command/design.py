@@ -70,13 +70,13 @@ def design(
     with importing():
         from fisherpoint.design.file.configuration import ConfigError
         from fisherpoint.design.points.exchange import designs
-        from fisherpoint.design.results.plots import plots_of
-        from fisherpoint.points.outside import few, outside
+        from fisherpoint.design.results.picture_list import plots_of
+        from fisherpoint.points.outside_region import few, outside
 
         from .dry_run import points_row, search_rows, settings_of
         from .runs import design_of_runs, read_previous
         from .terminal import read_config, read_data
-        from .written import write_shown
+        from .written_results import write_shown
     config = read_config(file)
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")

@@ -10,11 +10,11 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from fisherpoint.basics.extras import needed_for
+from fisherpoint.show.display import Plots
 from fisherpoint.show.page import PagePicture
-from fisherpoint.show.shown import Plots
 
 from .importing import importing
-from .side_by_side import Helpers
+from .work_processes import Helpers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -61,12 +61,12 @@ def estimate(
         import fisherpoint.estimation.estimate  # noqa: F401  with all that it imports
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.file.configuration import ConfigError
-        from fisherpoint.estimation.plots import plots_of
+        from fisherpoint.estimation.picture_list import plots_of
 
         from .dry_run import about
         from .heartbeat import alive
         from .terminal import read_config, read_data
-        from .written import write_shown
+        from .written_results import write_shown
     config = read_config(file)
     problem = config.problem()
     if noise is Noise.known and problem.noise_std is None:

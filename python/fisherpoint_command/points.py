@@ -18,8 +18,8 @@ from .importing import importing
 from .options import Check, File, OutputIfAny, Points, Quiet, Threads, framed
 
 if TYPE_CHECKING:
+    from fisherpoint.show.display import Plots
     from fisherpoint.show.section import Report
-    from fisherpoint.show.shown import Plots
 
     from .drawing import Drawers
     from .dry_run import Row
@@ -32,11 +32,11 @@ def evaluate(frame: Frame, file: File, points: Points) -> int:
     With -o, writes parameters.csv, report.txt, pictures, and report.html, which shows all of it in a browser.
     """
     with importing():
-        from fisherpoint.design.results.evaluated import evaluate_points
-        from fisherpoint.design.results.plots import PICTURES, plots_of
+        from fisherpoint.design.results.evaluated_points import evaluate_points
+        from fisherpoint.design.results.picture_list import PICTURES, plots_of
         from fisherpoint.design.results.report import evaluation_report
-        from fisherpoint.design.runs import run_plots
-        from fisherpoint.points.outside import few, outside
+        from fisherpoint.design.runs import run_picture_list as run_plots
+        from fisherpoint.points.outside_region import few, outside
         from fisherpoint.points.runs import as_runs
 
         from .dry_run import about, points_row, size_of
@@ -93,7 +93,7 @@ def _outcome(
     """What came of an evaluation; `pictures` are the names of all that there may be."""
     from fisherpoint.information.problem_report import problem_sections
 
-    from .written import write_page, write_tables
+    from .written_results import write_page, write_tables
 
     return Outcome(
         report=lambda: report,
@@ -134,7 +134,7 @@ def simulate(
         from .heartbeat import alive
         from .runs import read_points, run_report, run_simulation_csv
         from .terminal import check_file, read_config, read_data, show
-        from .virtual import measured
+        from .virtual_data import measured
     if output:
         with importing(), needed_for("tables"):
             from fisherpoint.design.results.frames import simulation_frame

@@ -8,13 +8,13 @@ from pathlib import Path
 from fisherpoint.basics.files import check_writable
 from fisherpoint.basics.messages import listed
 from fisherpoint.design.file.configuration import ConfigError
-from fisherpoint.design.results.plots import PICTURES as OF_POINTS
-from fisherpoint.design.runs.run_plots import PICTURES as OF_RUNS
-from fisherpoint.estimation.plots import PICTURES as OF_A_FIT
+from fisherpoint.design.results.picture_list import PICTURES as OF_POINTS
+from fisherpoint.design.runs.run_picture_list import PICTURES as OF_RUNS
+from fisherpoint.estimation.picture_list import PICTURES as OF_A_FIT
 
 from .partial_output import begin_writing
 from .terminal import say
-from .written import PAGE
+from .written_results import PAGE
 
 CAMPAIGN = "campaign.json"
 

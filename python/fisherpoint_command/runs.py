@@ -19,7 +19,7 @@ from .drawing import Drawers
 from .dry_run import run_rows
 from .frame import Frame, Outcome, Task
 from .terminal import named_files, read_data, warn_of_outside
-from .written import write_shown
+from .written_results import write_shown
 
 RUN_PICTURES = "fisherpoint.design.runs.run_pictures"
 """The module of pictures of runs."""

@@ -56,7 +56,7 @@ def sweep(
         from .dry_run import search_rows, settings_of
         from .runs import read_previous
         from .terminal import read_config, read_data
-        from .written import PAGE, write_shown
+        from .written_results import PAGE, write_shown
     config = read_config(file)
     if config.region is None or config.runs is not None:
         raise config.error("region", "expected bounds of every state, every input and dt, without a table [runs]")

@@ -14,7 +14,7 @@ import fisherpoint as fp
 from fisherpoint.basics.files import check_writable
 from fisherpoint.basics.messages import listed, printable
 from fisherpoint.design.file.configuration import Config, ConfigError, load_config
-from fisherpoint.points.outside import few, outside
+from fisherpoint.points.outside_region import few, outside
 from fisherpoint.show.console import to_rich
 from fisherpoint.show.section import Report, to_text
 

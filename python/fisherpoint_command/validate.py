@@ -57,7 +57,7 @@ def validate(
         from .dry_run import about, points_row, size_of
         from .runs import read_designs
         from .terminal import read_config
-        from .written import write_shown, write_tables
+        from .written_results import write_shown, write_tables
     config = read_config(file)
     problem = config.problem()
     if problem.noise_std is None:

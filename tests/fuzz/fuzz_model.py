@@ -15,7 +15,7 @@ with atheris.instrument_imports(include=["fisherpoint"]):  # what is imported la
     import fisherpoint.models.dependence
     import fisherpoint.models.symbolic
     import fisherpoint.models.tape.programs
-    from fisherpoint.models.text import parse_equation
+    from fisherpoint.models.equation_text import parse_equation
 
 import sympy
 

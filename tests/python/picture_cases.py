@@ -13,9 +13,9 @@ from fisherpoint.campaign.pictures import plot_campaign
 from fisherpoint.design.approximate.approximate_pictures import sensitivity_figure
 from fisherpoint.design.compare.compare_picture import plot_comparison
 from fisherpoint.design.pieces.piece_pictures import plot_windows
-from fisherpoint.design.results.evaluated import evaluate_points
+from fisherpoint.design.results.evaluated_points import evaluate_points
 from fisherpoint.design.results.pictures import plot_points, plot_standard_errors, plot_trajectories
-from fisherpoint.design.runs.run_plots import plots_of
+from fisherpoint.design.runs.run_picture_list import plots_of
 from fisherpoint.information.pictures import plot_failures, plot_rules, plot_singular_values
 
 TWO = fp.SymbolicModel(

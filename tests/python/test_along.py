@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import binomtest, norm
 
 import fisherpoint as fp
-from fisherpoint.basics.kept import decoded, encoded
+from fisherpoint.basics.result_files import decoded, encoded
 from fisherpoint.models import symbolic
 
 pytestmark = pytest.mark.kernels

@@ -11,13 +11,13 @@ from scipy.optimize import minimize
 
 import fisherpoint as fp
 from fisherpoint.design.candidates.candidate_rows import CandidateRows
-from fisherpoint.design.goal.average import Average
-from fisherpoint.design.goal.averaged import Averaged, EstimableOver, joined
+from fisherpoint.design.goal.averaged_criterion import Averaged, EstimableOver, joined
 from fisherpoint.design.goal.criteria import Criterion
 from fisherpoint.design.goal.determinant import Determinant
-from fisherpoint.design.goal.estimable import estimable
+from fisherpoint.design.goal.estimable_space import estimable
+from fisherpoint.design.goal.scenario_average import Average
 from fisherpoint.design.goal.variance import Variance
-from fisherpoint.design.weights.inner import mean_of
+from fisherpoint.design.weights.interior_criteria import mean_of
 from fisherpoint.design.weights.weights import optimal_weights
 from test_over_prior import KINDS, average_of
 

@@ -17,8 +17,8 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import MODEL, problem, same_bits
 from fisherpoint.design.candidates.rank_updates import gains
-from fisherpoint.design.goal.average import Average
 from fisherpoint.design.goal.determinant import Determinant
+from fisherpoint.design.goal.scenario_average import Average
 from fisherpoint.design.points.auto_search import AutoSearch
 from fisherpoint.design.points.pool import best_of_each, far_apart
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy

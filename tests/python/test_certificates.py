@@ -9,15 +9,16 @@ import pytest
 from hypothesis import given as drawn_from
 from hypothesis import settings as examples
 from hypothesis import strategies as st
+from test_seen_candidates import at, information, problem
 
 import fisherpoint as fp
 from fisherpoint.design.approximate import continuous
 from fisherpoint.design.candidates.candidate_rows import CandidateRows
 from fisherpoint.design.goal.determinant import Determinant
 from fisherpoint.design.goal.eigenvalue_criteria import SmallestEigenvalue
-from fisherpoint.design.goal.estimable import estimable
+from fisherpoint.design.goal.estimable_space import estimable
+from fisherpoint.design.points.bound_over_prior import over_bound
 from fisherpoint.design.points.candidate_archive import CandidateArchive
-from fisherpoint.design.points.over_bound import over_bound
 from fisherpoint.design.weights.weights import optimal_weights
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.evaluation import evaluate_information
@@ -25,7 +26,6 @@ from fisherpoint.information.output_covariance import output_covariance
 from fisherpoint.information.point_information import PointInformation
 from test_optimality import CONVEX, P, criteria, mixture, of_random_rows
 from test_over_prior import KINDS, average_of, log_det
-from test_seen_candidates import at, information, problem
 
 ROUNDING = 1e-9
 SEEDS = st.integers(0, 2**32 - 1)

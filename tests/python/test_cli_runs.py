@@ -9,7 +9,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import ConfigError, load_config, load_problem
-from fisherpoint.design.runs.run_plots import PICTURES
+from fisherpoint.design.runs.run_picture_list import PICTURES
 from fisherpoint_command.cli import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

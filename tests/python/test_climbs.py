@@ -9,7 +9,7 @@ import numpy as np
 import fisherpoint as fp
 from bench.algorithm_cases import example
 from fisherpoint.design.approximate.ascents import ascend
-from fisherpoint.design.points.climbs import Climbs
+from fisherpoint.design.points.random_climbs import Climbs
 from fisherpoint.design.points.tuning import RegionClimbTuning
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation

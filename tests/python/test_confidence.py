@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import load_config
-from fisherpoint.design.points.away import Away
+from fisherpoint.design.points.point_margins import Away
 from fisherpoint.information.draws import drawn_plants
 from fisherpoint.information.validity import Validity
 

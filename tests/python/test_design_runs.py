@@ -13,7 +13,7 @@ import pytest
 import fisherpoint as fp
 from bench.runs import decay, reactor
 from fisherpoint.design.file.configuration import load_config
-from fisherpoint.design.goal.average import Average
+from fisherpoint.design.goal.scenario_average import Average
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_pictures import limits_of

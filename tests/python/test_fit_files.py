@@ -14,7 +14,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.basics.files import sealed_json
-from fisherpoint.basics.kept import encoded
+from fisherpoint.basics.result_files import encoded
 from fisherpoint.design.file.configuration import load_config
 from fit_cases import EXAMPLES, decay
 from saved_places import DELETE, edited

@@ -8,7 +8,7 @@ from scipy.stats import chi2, f
 
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import load_config
-from fisherpoint.estimation.plots import plots_of
+from fisherpoint.estimation.picture_list import plots_of
 from fisherpoint.show.numbers import number
 from fit_cases import EXAMPLES, cylinder, decay
 

@@ -8,8 +8,8 @@ import pytest
 import sympy
 
 from fisherpoint.basics.formulas import ARGUMENTS
-from fisherpoint.basics.functions import FUNCTIONS, Function
-from fisherpoint.design.goal.functions import gradient_of
+from fisherpoint.basics.function_table import FUNCTIONS, Function
+from fisherpoint.design.goal.functions_of_parameters import gradient_of
 from fisherpoint.models.functions import FUNCTIONS as OF_TERMS
 from fisherpoint.models.surfaces.evaluate import evaluate
 from fisherpoint.models.surfaces.precise import Calculation, Work

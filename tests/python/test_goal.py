@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.basics.kept import decoded, encoded
+from fisherpoint.basics.result_files import decoded, encoded
 from fisherpoint.design.file.configuration import ConfigError, load_config
 from fisherpoint.design.goal.goal import UNABLE, Goal, goal_of
 

@@ -10,8 +10,8 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import ConfigError, load_config
+from fisherpoint.design.results.picture_list import plots_of
 from fisherpoint.design.results.pictures import PLOTS
-from fisherpoint.design.results.plots import plots_of
 from fisherpoint.information.evaluate import evaluate
 from fisherpoint_command.cli import main
 

@@ -13,7 +13,7 @@ import fisherpoint as fp
 from conftest import REGION, random_points
 from defaults import KINDS, MODEL, problem, same_bits
 from fisherpoint.design.points.exchange_search import ExchangeSearch
-from fisherpoint.design.points.lineage import Lineage
+from fisherpoint.design.points.past_moves import Lineage
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.points.region import NEAREST
 

@@ -12,10 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fisherpoint.basics.formulas import MAX_DEPTH
+from fisherpoint.models.equation_text import parse_equation
 from fisherpoint.models.expressions import symbol
 from fisherpoint.models.surfaces.evaluate import evaluate
 from fisherpoint.models.surfaces.printing import to_text
-from fisherpoint.models.text import parse_equation
 
 SYMBOLS = {name: symbol(name) for name in ("x", "y", "k", "p_A", "N", "E")}
 VALUES = {"x": 0.7, "y": -1.3, "k": 2.5, "p_A": 3.0, "N": 4.0, "E": 5.0}

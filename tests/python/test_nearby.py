@@ -11,10 +11,10 @@ import pytest
 
 import fisherpoint as fp
 from defaults import problem as cylinder
-from fisherpoint.basics.kept import encoded
-from fisherpoint.design.results.evaluated import evaluate_points
+from fisherpoint.basics.result_files import encoded
+from fisherpoint.design.results.evaluated_points import evaluate_points
 from fisherpoint.design.results.report import design_report, evaluation_report
-from fisherpoint.information.nearby import DISTANCE, LARGEST_GROWTH, _shortened
+from fisherpoint.information.local_robustness import DISTANCE, LARGEST_GROWTH, _shortened
 from fisherpoint.show.section import to_text
 from saved_places import edit
 

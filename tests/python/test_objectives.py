@@ -13,10 +13,10 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from fisherpoint.design.candidates.candidate_rows import CandidateRows
-from fisherpoint.design.goal.average import SOFTNESS, Average
 from fisherpoint.design.goal.criteria import Criterion
 from fisherpoint.design.goal.determinant import slopes_of
-from fisherpoint.design.points.over_bound import over_bound
+from fisherpoint.design.goal.scenario_average import SOFTNESS, Average
+from fisherpoint.design.points.bound_over_prior import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from fisherpoint.design.weights.weights import optimal_weights
 from fisherpoint.engine.levels import kernels

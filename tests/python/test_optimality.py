@@ -12,8 +12,8 @@ from fisherpoint.design.candidates.candidate_rows import CandidateRows
 from fisherpoint.design.goal.criteria import Criterion
 from fisherpoint.design.goal.determinant import Determinant
 from fisherpoint.design.goal.eigenvalue_criteria import ConditionNumber, Scaled, SmallestEigenvalue
-from fisherpoint.design.goal.estimable import estimable
-from fisherpoint.design.goal.functions import gradient_of
+from fisherpoint.design.goal.estimable_space import estimable
+from fisherpoint.design.goal.functions_of_parameters import gradient_of
 from fisherpoint.design.goal.variance import Variance
 from fisherpoint.design.weights.rounding import efficient_rounding
 from fisherpoint.design.weights.weights import least_sensitivity, optimal_weights

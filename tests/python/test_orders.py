@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.basics.kept import encoded
+from fisherpoint.basics.result_files import encoded
 
 POINTS = fp.Experiments(np.empty((3, 0)), [[0.3], [1.0], [2.0]])
 COVARIANCE = {("a", "a"): 0.25, ("b", "b"): 0.25, ("c", "c"): 0.25, ("a", "b"): 0.2, ("a", "c"): 0.0, ("b", "c"): 0.05}

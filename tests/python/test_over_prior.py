@@ -12,10 +12,10 @@ from scipy.optimize import minimize, minimize_scalar
 
 import fisherpoint as fp
 from defaults import MODEL, NOISE, problem, same_bits
-from fisherpoint.design.goal.average import SOFTNESS, Average
 from fisherpoint.design.goal.criteria import Criterion
 from fisherpoint.design.goal.determinant import Determinant
-from fisherpoint.design.points.over_bound import over_bound
+from fisherpoint.design.goal.scenario_average import SOFTNESS, Average
+from fisherpoint.design.points.bound_over_prior import over_bound
 from fisherpoint.design.points.pool_exchange import PoolExchange, greedy
 from fisherpoint.design.points.tuning import ArchiveTuning
 from fisherpoint.design.runs.linear_rows import LinearRows
@@ -194,7 +194,7 @@ def test_the_bound_is_the_best_that_weights_reach(kind: str, monkeypatch: pytest
     for chosen in itertools.combinations_with_replacement(range(count), 4):
         assert value(np.bincount(chosen, minlength=count) / 4) <= bound
     for most in (2, 1):  # scenarios of a group
-        monkeypatch.setattr("fisherpoint.design.points.over_bound.MOST_OF_ALL", most * p)
+        monkeypatch.setattr("fisherpoint.design.points.bound_over_prior.MOST_OF_ALL", most * p)
         grouped = over_bound(rows, known, average, 3, everywhere, [log_det(p)] * 3)
         assert grouped is not None and bound - p * ArchiveTuning().tolerance_over_prior <= grouped < bound + 4
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint.design.results import pictures_points
-from fisherpoint.design.results.evaluated import evaluate_points
+from fisherpoint.design.results.evaluated_points import evaluate_points
 from fisherpoint.design.results.pictures import plot_points, plot_trajectories
 from fisherpoint.design.results.pictures_responses import free_axis, plot_responses
 from fisherpoint.show.durations import make_logarithmic

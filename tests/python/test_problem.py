@@ -9,7 +9,7 @@ import pytest
 
 import fisherpoint as fp
 from defaults import MODEL, NOISE, problem
-from fisherpoint.basics.kept import decoded, encoded
+from fisherpoint.basics.result_files import decoded, encoded
 
 
 def copies(given: fp.DesignProblem) -> list[fp.DesignProblem]:

@@ -15,8 +15,8 @@ import fisherpoint as fp
 from conftest import REGION
 from defaults import MODEL, problem
 from fisherpoint.basics.formulas import ARGUMENTS
+from fisherpoint.models.equation_text import parse_equation
 from fisherpoint.models.expressions import symbol
-from fisherpoint.models.text import parse_equation
 from fisherpoint.points.constraints import parse_constraint
 from fisherpoint.points.region import AT_REST, EDGE, LONGEST, NEXT_TO_ZERO
 

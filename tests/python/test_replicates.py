@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from test_seen_candidates import at, problem
 
 import fisherpoint as fp
 from fisherpoint.basics.values import Array
@@ -12,7 +13,6 @@ from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 from test_known_designs import ONE_FACTOR
 from test_known_designs import problem as known_problem
-from test_seen_candidates import at, problem
 
 NEAR = 0.02
 

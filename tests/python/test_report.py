@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 import fisherpoint as fp
 from fisherpoint.design.results import pictures as plots
 from fisherpoint.design.results import report
-from fisherpoint.design.results.evaluated import evaluate_points
+from fisherpoint.design.results.evaluated_points import evaluate_points
 from fisherpoint.design.results.frames import parameter_frame, simulation_frame
-from fisherpoint.design.results.plots import plots_of
+from fisherpoint.design.results.picture_list import plots_of
 from fisherpoint.show import numbers
 from fisherpoint.show.section import to_text
 

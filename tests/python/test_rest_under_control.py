@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import root
 
 import fisherpoint as fp
-from fisherpoint.basics.kept import decoded, encoded
+from fisherpoint.basics.result_files import decoded, encoded
 from fisherpoint.design.file.configuration import load_config
 
 LIFT = fp.SymbolicModel(

@@ -11,7 +11,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import load_config
-from fisherpoint.design.goal.average import Average
+from fisherpoint.design.goal.scenario_average import Average
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_slopes import linear_rows
 from fisherpoint.points.settings import Integration

@@ -19,11 +19,11 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint.basics.files import write_together, write_whole
-from fisherpoint.design.results import evaluated
+from fisherpoint.design.results import evaluated_points as evaluated
 from fisherpoint.design.results import pictures as plots
-from fisherpoint.design.results.plots import PICTURES
+from fisherpoint.design.results.picture_list import PICTURES
 from fisherpoint.estimation import pictures as plots_fit
-from fisherpoint.estimation.plots import PICTURES as PICTURES_OF_A_FIT
+from fisherpoint.estimation.picture_list import PICTURES as PICTURES_OF_A_FIT
 from fisherpoint.show.style import save_figure
 from fisherpoint.validation import pictures as plots_validation
 from fisherpoint_command import cli

@@ -10,7 +10,7 @@ import pytest
 
 import fisherpoint as fp
 from bench.strokes import cart, rests
-from fisherpoint.design.goal.average import Average
+from fisherpoint.design.goal.scenario_average import Average
 from fisherpoint.design.runs.run_clock import Clock
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective

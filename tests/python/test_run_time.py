@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import fisherpoint as fp
 from fisherpoint.show.durations import duration
-from fisherpoint.show.early import is_crowded
+from fisherpoint.show.early_transients import is_crowded
 from fisherpoint.show.run_time import SHARES, RunTime, shares_of
 
 

@@ -16,9 +16,9 @@ from fisherpoint.design.file.configuration import load_config
 from fisherpoint.design.runs import run_clock
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import RETURNING
+from fisherpoint.design.runs.run_rounding import tidied
 from fisherpoint.design.runs.run_search import RunSearch
 from fisherpoint.design.runs.run_tables import divided, runs_tables
-from fisherpoint.design.runs.run_tidy import tidied
 from fisherpoint.show.section import Report, Section
 from fit_cases import EXAMPLES
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.basics.declared import check_declared
+from fisherpoint.basics.field_checks import check_declared
 from fisherpoint.basics.files import _sha256
 from saved_cases import Saved, damaged, damages, nested, outcome, places, problem, saved_cases
 

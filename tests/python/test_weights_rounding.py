@@ -10,14 +10,14 @@ import pytest
 import fisherpoint as fp
 from fisherpoint.basics.values import Array
 from fisherpoint.design.candidates.candidate_rows import CandidateRows
-from fisherpoint.design.goal.averaged import Averaged, EstimableOver
+from fisherpoint.design.goal.averaged_criterion import Averaged, EstimableOver
 from fisherpoint.design.goal.criteria import Criterion
 from fisherpoint.design.goal.determinant import Determinant
 from fisherpoint.design.goal.eigenvalue_criteria import Scaled, SmallestEigenvalue
-from fisherpoint.design.goal.estimable import estimable
+from fisherpoint.design.goal.estimable_space import estimable
 from fisherpoint.design.goal.variance import Variance
-from fisherpoint.design.weights.inner import mean_of
 from fisherpoint.design.weights.interior import best_weights
+from fisherpoint.design.weights.interior_criteria import mean_of
 from fisherpoint.design.weights.weights import optimal_weights
 from test_over_prior import KINDS, average_of
 

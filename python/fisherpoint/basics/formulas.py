@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
-from .functions import FUNCTIONS
+from .function_table import FUNCTIONS
 from .messages import listed, shown
 
 MAX_LENGTH = 10_000

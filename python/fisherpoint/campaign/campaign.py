@@ -11,7 +11,7 @@ import numpy as np
 
 from ..basics.checks import check_type
 from ..basics.extras import needed_for
-from ..basics.kept import decoded, encoded
+from ..basics.result_files import decoded, encoded
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
 from ..design.results.report import points_section
@@ -25,9 +25,9 @@ from ..information.problem_report import problem_sections
 from ..information.run_information import checked_problem
 from ..points.runs import Points, as_runs
 from ..points.settings import resolve_threads
+from ..show.display import Plots, Shown
 from ..show.progress import Progress
 from ..show.section import Report, Section
-from ..show.shown import Plots, Shown
 from .batches import Settings, designed, search_of
 from .files import CampaignFiles
 from .repeated import check_new

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ..basics.checks import check_type
-from ..basics.declared import Extents
-from ..basics.kept import Kept
+from ..basics.field_checks import Extents
+from ..basics.result_files import Kept
 from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements

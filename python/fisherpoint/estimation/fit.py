@@ -11,11 +11,11 @@ from ..basics.checks import check_choice
 from ..basics.extras import needed_for
 from ..information.problem_report import prior_section
 from ..prior.gaussian import GaussianPrior
+from ..show.display import Plots, Shown
 from ..show.progress import Progress
 from ..show.section import Report, Section
-from ..show.shown import Plots, Shown
 from .fit_files import fit_dict, load_fit, save_fit
-from .plots import plots_of
+from .picture_list import plots_of
 from .posterior import posterior_of
 from .profile import Profile, profile_of
 from .profile_curve import ProfileCurve

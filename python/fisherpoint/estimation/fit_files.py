@@ -11,13 +11,13 @@ import numpy as np
 from ..basics.checks import as_path
 from ..basics.csv_table import csv_text
 from ..basics.files import built_from, read_bytes, write_together
-from ..basics.kept import content_of, encoded, sealed
 from ..basics.messages import printable, shown
 from ..basics.quantity import names_of
+from ..basics.result_files import content_of, encoded, sealed
 from ..data.measurements import Measurements
 from . import report
 from .fit_state import FitState
-from .plots import PICTURES
+from .picture_list import PICTURES
 from .statistics import FitStatistics
 
 PLAIN = ("noise_known", "converged", "stop_reason", "evaluations", "starts", "reached")

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..basics.checks import as_floats, as_positive, names_among
-from ..basics.declared import Extents
-from ..basics.kept import Codec, Kept
+from ..basics.field_checks import Extents
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
+from ..basics.result_files import Codec, Kept
 from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from ..data.measurements import Measurements

@@ -11,8 +11,8 @@ from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..models import Model
+from ..points.parameter_checks import sensible
 from ..points.runs import Runs
-from ..points.sense import sensible
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
 from .record_response import RecordResponse

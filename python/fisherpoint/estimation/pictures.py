@@ -21,7 +21,7 @@ from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
 from ..points.settings import checked_arguments
 from ..show.correlation import draw_correlation
-from ..show.early import is_crowded, make_logarithmic_from_zero
+from ..show.early_transients import is_crowded, make_logarithmic_from_zero
 from ..show.run_time import RunTime, shares_of
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, Picture, labelled, said, scale, telling, telling_each
 from .profile_curve import ProfileCurve

@@ -13,7 +13,7 @@ from ..basics.values import Array, IntArray
 from ..data.record import Record
 from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
-from ..points.sense import sensible
+from ..points.parameter_checks import sensible
 from ..points.settings import Integration, check_rtol, resolve_threads
 from ..points.status import Status
 from .response import Response

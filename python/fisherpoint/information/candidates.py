@@ -19,7 +19,7 @@ from ..points.status import Status, failures_of
 from .assumed import starts_near
 from .point_information import PointInformation, point_sensitivities, with_linearized_covariance
 from .problem import DesignProblem
-from .signs import of_other_sign
+from .sign_changes import of_other_sign
 from .validity import Validity
 
 MAX_DRAWN_PER_CANDIDATE = 2000

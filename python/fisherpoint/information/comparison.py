@@ -12,14 +12,14 @@ import numpy as np
 
 from ..basics.checks import as_float, as_sequence, check_type
 from ..basics.extras import needed_for
-from ..basics.kept import Kept
+from ..basics.result_files import Kept
 from ..basics.values import Array
 from ..points.experiments import Experiments
 from ..points.predictive import PredictiveCovariance, predictive_covariance
 from ..prior.rules import GaussHermite, LinearizedRule, Rule, Sobol, SparseGaussHermite, TensorGrid, Unscented
+from ..show.display import Plots, Shown
 from ..show.numbers import counted
 from ..show.section import Report, Section
-from ..show.shown import Plots, Shown
 from .problem import DesignProblem
 
 if TYPE_CHECKING:

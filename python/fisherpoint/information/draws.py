@@ -9,7 +9,7 @@ import numpy as np
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
-from ..points.sense import sensible
+from ..points.parameter_checks import sensible
 from ..prior.coordinates import cholesky_coordinates
 from .problem import DesignProblem
 

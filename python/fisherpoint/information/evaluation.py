@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ..basics.checks import check_choice
-from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
-from ..basics.kept import Kept
+from ..basics.field_checks import Choices, Extents
 from ..basics.quantity import names_of
+from ..basics.result_files import Kept
 from ..basics.values import Array, FrozenMapping, relative_errors
 from ..engine import _core
+from ..show.display import Plots, Shown
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
-from ..show.shown import Plots, Shown
 from .combinations import combination
-from .nearby import Nearby, nearby_of
+from .local_robustness import Nearby, nearby_of
 from .nuisance import marginal_rows
 from .null_space import column_scaled_svd, null_directions, without_rounding
 from .output_covariance import OutputCovariance, cholesky_factor, whitened

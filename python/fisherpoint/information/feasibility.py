@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_probability, check_positive_int, check_type
-from ..basics.declared import Choices, Extents
 from ..basics.extras import needed_for
-from ..basics.kept import Kept
+from ..basics.field_checks import Choices, Extents
+from ..basics.result_files import Kept
 from ..basics.values import Array, FrozenMapping, IntArray
 from ..points.broken_limits import checked_broken_limits
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Points, Runs, as_runs
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
+from ..show.display import Plots, Shown
 from ..show.numbers import counted, percent
 from ..show.section import Report, Section
-from ..show.shown import Plots, Shown
 from .draws import drawn_plants
 from .problem import DesignProblem
 

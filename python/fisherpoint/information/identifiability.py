@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 import numpy as np
 
 from ..basics.checks import check_positive_int, check_type, names_among, some_names_among
-from ..basics.declared import Extents
 from ..basics.extras import needed_for
-from ..basics.kept import Kept
+from ..basics.field_checks import Extents
 from ..basics.quantity import names_of
+from ..basics.result_files import Kept
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..points.region import ExperimentRegion
 from ..points.settings import crossed_surfaces
 from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
+from ..show.display import Plots, Shown
 from ..show.section import Report, Section
-from ..show.shown import Plots, Shown
 from .combinations import changes_of, describe
 from .null_space import column_scaled_svd, pivots, reduced_basis
 from .sensitivity_stack import Sampler, Stack, default_region, draw_theta

@@ -17,7 +17,7 @@ from ..points.predictive import nodes_of
 from ..points.settings import Integration
 from ..points.status import Status
 from ..prior.rules import LinearizedRule
-from .longest import longest
+from .longest_durations import longest
 from .problem import DesignProblem
 
 FATAL = (Status.left_domain, Status.met_jump, Status.not_finite)

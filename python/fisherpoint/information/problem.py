@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_sequence, as_std, by_name, check_choice, check_names, some_names_among
-from ..basics.kept import Codec
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
+from ..basics.result_files import Codec
 from ..basics.values import Array
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json

@@ -1,4 +1,4 @@
-"""Time in equations, as t: a clock among the states that the core follows, which nobody else sees (`hidden.py`).
+"""Time in equations, as t: a clock among the states that the core follows, which nobody else sees (`hidden_states.py`).
 
 It begins at zero with each point, run or record, and moves at the rate 1: time is exact, and a switch by time is a jump like any
 other.

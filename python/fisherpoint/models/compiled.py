@@ -23,7 +23,7 @@ from .base import Model
 from .cpp_source import cpp_model
 from .library_cache import LibraryCache
 from .tape.programs import Programs
-from .temporary import Temporary
+from .temporary_directories import Temporary
 
 _NAME = "CompiledModel"
 _MODEL = "model.hpp"

@@ -15,7 +15,7 @@ from sympy.logic.boolalg import Boolean, BooleanAtom
 
 from ..basics.checks import as_float
 from ..basics.formulas import ARGUMENTS
-from ..basics.functions import FUNCTIONS as ONE_ARGUMENT
+from ..basics.function_table import FUNCTIONS as ONE_ARGUMENT
 from ..basics.messages import shown
 from .tape.latch import as_condition, latched
 from .tape.parts import check_size

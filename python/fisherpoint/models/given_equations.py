@@ -10,12 +10,12 @@ import sympy
 from ..basics.checks import as_sequence, check_known
 from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
+from .equation_text import parse_condition, parse_equation, parse_limit
 from .expressions import checked
 from .surfaces.printing import to_text
 from .tape.latch import holds
 from .tape.parts import replaced
 from .terms import Term, as_term
-from .text import parse_condition, parse_equation, parse_limit
 
 
 def listed_equations(given: Any, place: str) -> list[Any]:

@@ -15,7 +15,7 @@ import stat
 import tempfile
 from pathlib import Path
 
-from .temporary import Temporary
+from .temporary_directories import Temporary
 
 
 class LibraryCache:

@@ -33,7 +33,7 @@ from .given_equations import (
     reset_condition_of,
     text_of,
 )
-from .hidden import HiddenCore, HiddenKernels
+from .hidden_states import HiddenCore, HiddenKernels
 from .model_text import latex, model_text
 from .quantities import Described, DescribedModel, check_counts, start_offsets
 from .surfaces.domain import MOST

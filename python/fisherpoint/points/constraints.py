@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.formulas import Formula, Reader
-from ..basics.functions import FUNCTIONS
+from ..basics.function_table import FUNCTIONS
 from ..basics.messages import shown
 from ..basics.values import Array
 

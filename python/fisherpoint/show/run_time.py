@@ -10,7 +10,7 @@ import numpy as np
 from ..basics.quantity import Quantity
 from ..basics.values import Array
 from .durations import duration, make_logarithmic
-from .early import begin, is_fast
+from .early_transients import begin, is_fast
 from .style import scale
 
 SHARES = (1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0)

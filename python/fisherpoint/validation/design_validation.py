@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..basics.declared import Extents
+from ..basics.field_checks import Extents
 from ..basics.values import Array, FrozenMapping
 from ..points.runs import Points, as_runs
 from ..show.numbers import computed, counted, with_error

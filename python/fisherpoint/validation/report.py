@@ -9,7 +9,7 @@ from ..show.section import Report, Section
 from .design_validation import DesignValidation
 from .figures import FEWEST
 from .needed_runs import needed_runs
-from .validated import ValidatedDesigns
+from .validation_record import ValidatedDesigns
 from .verdict import (
     BROKEN,
     COVERAGE_TOLERANCE,

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..basics.extras import needed_for
-from ..basics.kept import Kept
+from ..basics.result_files import Kept
 from ..information.problem_report import problem_sections
+from ..show.display import Plots, Shown
 from ..show.section import Report, Section
-from ..show.shown import Plots, Shown
 from .figures import Figure
 from .report import validation_report
 from .truths import truths_of
-from .validated import ValidatedDesigns
+from .validation_record import ValidatedDesigns
 from .verdict import ParameterVerdict, verdicts_of
 
 SHARES = ("coverage", "too_low", "too_high")

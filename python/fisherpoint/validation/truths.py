@@ -16,8 +16,8 @@ from ..information.assumed import Assumed, assumed_of
 from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
 from ..models import Model
+from ..points.parameter_checks import sensible
 from ..points.runs import Points, as_runs
-from ..points.sense import sensible
 from ..points.simulate import simulate
 from ..points.status import Status
 

@@ -20,14 +20,14 @@ from ...points.settings import resolve_threads
 from ...show.progress import Progress, check_progress, following
 from ..candidates.candidate_rows import CandidateRows
 from ..candidates.point_rows import PointRows, check_additive
-from ..goal.averaged import MOST_OF_ALL, Averaged, EstimableOver, parted
+from ..goal.averaged_criterion import MOST_OF_ALL, Averaged, EstimableOver, parted
 from ..goal.estimability import NOT_TOLD, determined, not_told
-from ..goal.estimable import estimable
+from ..goal.estimable_space import estimable
 from ..goal.goal import Goal, goal_of
 from ..goal.goal_criterion import criterion_of
 from ..goal.over_prior import OverPrior, Scenarios, moved_problems
 from ..points.auto_search import AutoSearch
-from ..points.climbs import Climbs
+from ..points.random_climbs import Climbs
 from ..results.settings import ExchangeSettings
 from ..weights.weights import optimal_weights
 from .approximate_design import ApproximateDesign

@@ -13,18 +13,18 @@ import numpy as np
 
 from ...basics.checks import check_choice, check_positive_int
 from ...basics.extras import needed_for
-from ...basics.kept import Kept
+from ...basics.result_files import Kept
 from ...basics.values import Array
 from ...information.previous import HasPoints
 from ...information.prior_information import prior_information
 from ...information.problem_report import problem_sections
 from ...points.experiments import Experiments
 from ...points.runs import as_runs, points_of
+from ...show.display import Plots, Shown
 from ...show.section import Report, Section
-from ...show.shown import Plots, Shown
 from ..candidates.candidate_rows import CandidateRows
 from ..candidates.point_rows import PointRows
-from ..goal.averaged import Averaged, joined
+from ..goal.averaged_criterion import Averaged, joined
 from ..goal.criteria import Criterion
 from ..goal.goal_criterion import criterion_of
 from ..weights.rounding import efficient_rounding

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from ...basics.declared import Extents
+from ...basics.field_checks import Extents
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
-from ..goal.average import Average
-from ..goal.averaged import EstimableOver
+from ..goal.averaged_criterion import EstimableOver
 from ..goal.criteria import Criterion
-from ..goal.estimable import Estimable
+from ..goal.estimable_space import Estimable
 from ..goal.goal import Goal
 from ..goal.goal_criterion import criterion_of
 from ..goal.over_prior import moved_problems
+from ..goal.scenario_average import Average
 
 
 @dataclass(frozen=True, eq=False, repr=False)

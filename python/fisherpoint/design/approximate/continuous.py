@@ -22,7 +22,7 @@ from ..candidates.point_rows import PointRows
 from ..candidates.unit_box import UnitBox, distinct, groups_within
 from ..goal.criteria import Criterion
 from ..goal.determinant import Determinant
-from ..goal.estimable import Estimable
+from ..goal.estimable_space import Estimable
 from ..goal.variance import Variance
 from ..weights.tuning import WeightsTuning
 from ..weights.weights import Weights, optimal_weights

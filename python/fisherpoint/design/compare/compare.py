@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ...basics.checks import check_mapping, check_name, check_positive_int, check_type
-from ...basics.declared import Choices, Extents
 from ...basics.extras import needed_for
-from ...basics.kept import Kept
+from ...basics.field_checks import Choices, Extents
+from ...basics.result_files import Kept
 from ...basics.values import FrozenMapping
 from ...information.evaluate import evaluate_under_noise
 from ...information.feasibility import Feasibility, feasibility
@@ -22,10 +22,10 @@ from ...information.problem_report import problem_sections
 from ...points.runs import Points, as_runs, points_of
 from ...points.settings import resolve_threads
 from ...points.status import NoTrajectory
+from ...show.display import Plots, Shown
 from ...show.numbers import computed, counted, number, percent
 from ...show.progress import Progress, check_progress, following
 from ...show.section import Report, Section
-from ...show.shown import Plots, Shown
 from ..results.efficiency import d_efficiency
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from ...show.progress import Progress, check_progress, following
 from ..candidates.candidate_rows import CandidateRows
 from ..candidates.point_rows import PointRows, check_additive
 from ..goal.estimability import NOT_TOLD, determined, not_told
-from ..goal.estimable import estimable
+from ..goal.estimable_space import estimable
 from ..goal.goal import Goal, goal_of
 from ..goal.goal_criterion import criterion_of
 from ..weights.weights import optimal_weights

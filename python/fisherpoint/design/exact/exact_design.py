@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...basics.extras import needed_for
-from ...basics.kept import Kept
+from ...basics.result_files import Kept
 from ...information.problem_report import problem_sections
+from ...show.display import Shown
 from ...show.section import Report, Section
-from ...show.shown import Shown
 from .exact_counts import ExactCounts
 from .exact_report import exact_report
 

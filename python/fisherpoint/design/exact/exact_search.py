@@ -19,8 +19,8 @@ from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...show.progress import Progress
 from ..candidates.candidate_rows import CandidateRows
-from ..goal.average import Average
 from ..goal.criteria import Criterion
+from ..goal.scenario_average import Average
 from ..points.pool_exchange import PoolExchange, greedy
 from ..weights.rounding import efficient_rounding
 from ..weights.weights import Weights

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ..goal.criteria import Criterion, Slope
-from ..weights.inner import mean_of
+from ..weights.interior_criteria import mean_of
 from .tuning import ExactTuning
 
 Counts = NDArray[np.int64]

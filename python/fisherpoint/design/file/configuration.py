@@ -30,8 +30,8 @@ from ...points.run_region import RunRegion
 from ...prior.gaussian import GaussianPrior
 from ...prior.rules import Rule
 from ..goal.goal import Goal
-from ..goal.option import keys_of as keys_of_options
-from ..goal.option import options_of
+from ..goal.options import keys_of as keys_of_options
+from ..goal.options import options_of
 from ..results.cost import Cost
 from ..results.settings import ExchangeMethod, ExchangeSettings, RunSettings
 from .configuration_checks import mistakes_between, pair_of, valid_tables

@@ -21,7 +21,7 @@ from ...points.settings import COARSEST, FINEST
 from ...prior.gaussian import MOST_RELATIVE_STD
 from ...prior.rules import DEFAULT_RULE, RULES, Rule
 from ..goal.goal import Goal
-from ..goal.option import Key, keys_of
+from ..goal.options import Key, keys_of
 from ..results.cost import Cost
 from ..results.settings import MOST, ExchangeMethod, ExchangeSettings
 

@@ -23,7 +23,7 @@ import numpy as np
 from ...basics.values import Array
 from ...show.section import Report, Section
 from ...show.table_preview import InNotebooks
-from .estimable import Estimable
+from .estimable_space import Estimable
 
 
 @dataclass(frozen=True, eq=False)

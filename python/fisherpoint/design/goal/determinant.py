@@ -11,7 +11,7 @@ from ...basics.values import Array
 from ...engine import _core
 from ..candidates.rank_updates import gains
 from .criteria import Criterion, Slope, across, half_solved, padded, solved
-from .estimable import Estimable
+from .estimable_space import Estimable
 
 
 class Determinant(Criterion):

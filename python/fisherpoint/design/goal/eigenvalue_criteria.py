@@ -8,9 +8,9 @@ import numpy as np
 
 from ...basics.values import Array
 from ..candidates.rank_updates import eigenvalues, largest_at_least, smallest_at_most
-from .average import SOFTNESS
 from .criteria import SINGULAR, Criterion, Slope, half_solved, padded
-from .estimable import Estimable
+from .estimable_space import Estimable
+from .scenario_average import SOFTNESS
 
 
 @dataclass(frozen=True, eq=False)

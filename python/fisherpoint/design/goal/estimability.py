@@ -12,7 +12,7 @@ from ...information.null_space import information_without_rounding, null_directi
 from ...information.problem import DesignProblem
 from ..candidates.candidate_rows import CandidateRows
 from .criteria import Criterion
-from .estimable import Estimable, estimable
+from .estimable_space import Estimable, estimable
 from .goal import Goal
 from .goal_criterion import criterion_of
 

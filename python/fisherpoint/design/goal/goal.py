@@ -14,7 +14,7 @@ from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choic
 from ...basics.options import Options
 from ...points.experiments import Experiments
 from ...prior.rules import Sobol
-from .option import Key, option
+from .options import Key, option
 from .over_prior import KINDS, OverPrior
 
 WORDS = {

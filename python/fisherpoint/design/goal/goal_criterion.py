@@ -16,7 +16,7 @@ from ...points.settings import resolve_threads
 from .criteria import Criterion
 from .determinant import Determinant
 from .eigenvalue_criteria import ConditionNumber, Scaled, SmallestEigenvalue
-from .functions import gradient_of
+from .functions_of_parameters import gradient_of
 from .goal import Goal, goal_of
 from .variance import Variance
 

@@ -13,10 +13,10 @@ from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
-from ...points.sense import sensible
+from ...points.parameter_checks import sensible
 from ...prior.gaussian import GaussianPrior
 from ...prior.rules import LinearizedRule, Rule, Sobol
-from .average import Average
+from .scenario_average import Average
 
 KINDS = ("log", "worst", "cvar")
 MOST_SCENARIOS = 1024

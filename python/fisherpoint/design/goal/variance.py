@@ -7,7 +7,7 @@ import numpy as np
 from ...basics.values import Array
 from ..candidates.rank_updates import variances
 from .criteria import Criterion, Slope, across, half_solved, padded, solved
-from .estimable import Estimable
+from .estimable_space import Estimable
 
 
 class Variance(Criterion):

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...basics.declared import Extents
+from ...basics.field_checks import Extents
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...information.evaluation import Evaluation

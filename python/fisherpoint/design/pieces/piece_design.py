@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...basics.extras import needed_for
-from ...basics.kept import Kept
+from ...basics.result_files import Kept
 from ...data.measurements import Measurements
 from ...information.problem_report import problem_sections
 from ...points.runs import Runs
+from ...show.display import Plots, Shown
 from ...show.section import Report, Section
-from ...show.shown import Plots, Shown
 from .picked_windows import PickedWindows
 from .piece_report import piece_report
 

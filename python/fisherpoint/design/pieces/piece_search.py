@@ -19,7 +19,7 @@ from ...basics.stop_reason import StopReason
 from ...basics.values import Array
 from ...show.numbers import computed, counted
 from ...show.progress import Progress
-from ..goal.estimable import RIDGE, SINGULAR
+from ..goal.estimable_space import RIDGE, SINGULAR
 from .disjoint import Places, Windows
 from .packed import Packed
 from .tuning import PieceSearchTuning

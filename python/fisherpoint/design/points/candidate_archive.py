@@ -20,13 +20,13 @@ from ..candidates.candidate_rows import CandidateRows, Places
 from ..goal.criteria import Criterion
 from ..goal.eigenvalue_criteria import ConditionNumber
 from ..goal.estimability import NOT_TOLD, determined
-from ..goal.estimable import estimable
+from ..goal.estimable_space import estimable
 from ..goal.goal import Goal
 from ..goal.goal_criterion import criterion_of
 from ..goal.over_prior import Scenarios
 from ..results.efficiency import Bound
 from ..weights.weights import Weights, optimal_weights
-from .over_bound import over_bound
+from .bound_over_prior import over_bound
 from .point_ascent import scenario_rows, whitened_rows
 from .tuning import ArchiveTuning
 

@@ -31,9 +31,9 @@ from ...show.progress import Progress, check_progress, following
 from ..goal.estimability import determined, refuse_open
 from ..goal.goal import Goal, goal_of
 from ..goal.over_prior import Scenarios, moved_problems
+from ..results.design import Design
 from ..results.efficiency import Efficiency, efficiency_of, median_of, random_designs
-from ..results.found import FoundDesign
-from ..results.result import Design
+from ..results.found_design import FoundDesign
 from ..results.settings import ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations, searched_by
 from .auto_search import AutoSearch
 from .exchange_search import ExchangeSearch

@@ -21,18 +21,18 @@ from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...show.progress import Progress
 from ..candidates.candidate_rows import CandidateRows
-from ..goal.average import Average
 from ..goal.criteria import Criterion
 from ..goal.estimability import not_told
-from ..goal.estimable import RIDGE, Estimable, estimable
+from ..goal.estimable_space import RIDGE, Estimable, estimable
 from ..goal.goal_criterion import criterion_of
 from ..goal.over_prior import Scenarios
+from ..goal.scenario_average import Average
 from ..results.efficiency import Efficiency
-from ..results.found import FoundDesign, TraceRecord
+from ..results.found_design import FoundDesign, TraceRecord
 from ..results.scenario_values import ScenarioValues, scenario_values
 from ..results.settings import ExchangeSettings
-from .away import Away
 from .candidate_archive import CandidateArchive
+from .point_margins import Away
 from .tuning import PointSearchTuning
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...engine.levels import kernels
-from ..goal.average import Average
 from ..goal.criteria import Criterion
+from ..goal.scenario_average import Average
 from .tuning import ExchangeTuning
 
 SINGULAR = 1e-8

@@ -15,15 +15,15 @@ from ...basics.values import Array
 from ...information.point_information import PointInformation
 from ...points.runs import Runs
 from ..goal.estimability import restricted_criteria
-from ..goal.estimable import Estimable
+from ..goal.estimable_space import Estimable
 from ..goal.goal import Goal
 from ..goal.goal_criterion import criterion_of
-from .climbs import higher
-from .lineage import Lineage
+from .past_moves import Lineage
 from .point_ascent import PointAscent, scenario_rows, whitened_rows
 from .point_search import PointSearch
 from .pool import Pool
 from .pool_exchange import PoolExchange, greedy
+from .random_climbs import higher
 
 
 class PoolSearch(PointSearch):

@@ -23,7 +23,7 @@ class ExchangeTuning:
 
 @dataclass(frozen=True)
 class ClimbTuning:
-    """Candidates that climb, each to what is near it (climbs.py)."""
+    """Candidates that climb, each to what is near it (random_climbs.py)."""
 
     rounds: int
     """Number of rounds of a climb."""
@@ -46,7 +46,7 @@ class ClimbTuning:
 
 @dataclass(frozen=True)
 class RegionClimbTuning:
-    """Climbs of any function over the region (climbs.py)."""
+    """Climbs of any function over the region (random_climbs.py)."""
 
     climb: ClimbTuning = field(default_factory=lambda: ClimbTuning(rounds=30, shortened_per_point=4))
 
@@ -62,7 +62,7 @@ class RegionClimbTuning:
 
 @dataclass(frozen=True)
 class PlantTuning:
-    """Points that a share of the plants has to run (away.py). Shares are of what may be lost."""
+    """Points that a share of the plants has to run (point_margins.py). Shares are of what may be lost."""
 
     plants: int = 256
     """Number of plants on which every point has to be ok."""
@@ -88,7 +88,7 @@ class PlantTuning:
 
 @dataclass(frozen=True)
 class ArchiveTuning:
-    """The candidates that a search keeps, and the bound of all designs of these (candidate_archive.py, over_bound.py)."""
+    """The candidates that a search keeps, and the bound of all designs of these (candidate_archive.py, bound_over_prior.py)."""
 
     most_numbers: int = 20_000_000
     """Maximum number of sensitivities that are kept, of 8 bytes each; candidates after these are not kept."""

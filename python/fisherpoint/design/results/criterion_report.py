@@ -10,7 +10,7 @@ import numpy as np
 
 from ...show.numbers import computed, percent_down
 from ..goal.goal import SCALED
-from .found import FoundDesign
+from .found_design import FoundDesign
 from .found_runs import FoundRuns
 
 ByGoal: TypeAlias = FoundDesign | FoundRuns

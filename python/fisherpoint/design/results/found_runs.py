@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from ...basics.declared import Extents
+from ...basics.field_checks import Extents
 from ...basics.stop_reason import StopReason
 from ...basics.values import FrozenMapping
 from ...information.evaluation import Evaluation

@@ -14,8 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from ...basics.checks import check_choice
 from ...show.standard_errors import standard_error_figure
 from ...show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
-from .evaluated import EvaluatedPoints
-from .found import FoundDesign
+from .evaluated_points import EvaluatedPoints
+from .found_design import FoundDesign
 from .pictures_points import plot_points
 from .pictures_trajectories import plot_trajectories
 

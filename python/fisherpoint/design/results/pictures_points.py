@@ -19,7 +19,7 @@ from ...basics.quantity import DURATION, Quantity
 from ...models import Model
 from ...show.durations import AxisScale, axis_scale, make_logarithmic, mark
 from ...show.style import PRIOR, STYLE, TEXT, Picture, scale, settle
-from .evaluated import EvaluatedPoints
+from .evaluated_points import EvaluatedPoints
 from .paths import FRACTIONS, paths_of
 from .pictures_responses import free_axis, plot_responses
 

@@ -18,7 +18,7 @@ from ...points.simulate import simulate
 from ...points.status import Status
 from ...show.durations import axis_scale, make_logarithmic
 from ...show.style import NOISE, STYLE, TEXT, Picture, labelled, scale, settle
-from .evaluated import EvaluatedPoints
+from .evaluated_points import EvaluatedPoints
 
 Floats = NDArray[np.float64]
 

@@ -17,9 +17,9 @@ from ...information.draws import drawn_from_prior
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...show.durations import duration, make_logarithmic
-from ...show.early import begin, is_fast
+from ...show.early_transients import begin, is_fast
 from ...show.style import NOISE, STYLE, TEXT, Picture, labelled, said, scale, telling
-from .evaluated import EvaluatedPoints
+from .evaluated_points import EvaluatedPoints
 from .paths import FRACTIONS, paths_of
 
 Floats = NDArray[np.float64]

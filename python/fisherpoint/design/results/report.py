@@ -14,18 +14,18 @@ from ...basics.quantity import Quantity
 from ...basics.stop_reason import StopReason
 from ...information.evaluation import WITH_PRIOR, value_of_criterion
 from ...information.feasibility import Feasibility
-from ...information.nearby import DISTANCE, Nearby, times
+from ...information.local_robustness import DISTANCE, Nearby, times
 from ...information.problem import DesignProblem
 from ...models import Model
 from ...points.experiments import Experiments
-from ...points.outside import few, outside
+from ...points.outside_region import few, outside
 from ...points.status import Status
 from ...show.numbers import column, computed, counted, number, percent
 from ...show.section import Report, Section
 from .criterion_report import at_least, bound_of, goal_facts, in_units
 from .efficiency import Efficiency
-from .evaluated import EvaluatedPoints
-from .found import FoundDesign
+from .evaluated_points import EvaluatedPoints
+from .found_design import FoundDesign
 from .over_report import over_sections
 from .settings import searched_by
 from .singular_report import ridge_facts, singular_warning

@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...basics.declared import Extents
+from ...basics.field_checks import Extents
 from ...basics.values import FrozenMapping
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
-from ..goal.average import Average
+from ..goal.scenario_average import Average
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ...basics.options import Options
 from ...information.output_covariance import needs_covariances
 from ...information.problem import DesignProblem
 from ..goal.goal import Goal, with_default_confidence
-from ..goal.option import Key, option
+from ..goal.options import Key, option
 
 METHODS = ("paper", "auto")
 

@@ -8,7 +8,7 @@ from ...points.experiments import Experiments
 from ...show.numbers import number, percent
 from ...show.section import Section
 from ..goal.goal import Goal
-from ..goal.option import options_of
+from ..goal.options import options_of
 from .settings import ExchangeMethod, ExchangeSettings, RunSettings
 
 Options = ExchangeSettings | RunSettings | ExchangeMethod | Goal

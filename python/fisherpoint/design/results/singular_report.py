@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from ...information.combinations import combinations
 from ...show.numbers import counted, number
 from ..goal.goal import OF_ALL
-from .evaluated import EvaluatedPoints
-from .found import FoundDesign
+from .evaluated_points import EvaluatedPoints
+from .found_design import FoundDesign
 
 GUIDE = "docs/how_to/singular.md"
 

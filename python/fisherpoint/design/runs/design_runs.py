@@ -26,12 +26,12 @@ from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...points.settings import resolve_threads
 from ...show.progress import Progress, check_progress, following
-from ..goal.average import Average
-from ..goal.estimable import RIDGE
+from ..goal.estimable_space import RIDGE
 from ..goal.goal import Goal, goal_of
 from ..goal.goal_criterion import criterion_of
 from ..goal.over_prior import moved_problems
-from ..results.found import DRAWS, UNSEEN
+from ..goal.scenario_average import Average
+from ..results.found_design import DRAWS, UNSEEN
 from ..results.scenario_values import scenario_values
 from ..results.settings import RunSettings
 from .run_clock import Clock

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from ..goal.average import Average
 from ..goal.determinant import log_det_slopes
+from ..goal.scenario_average import Average
 from .tuning import AscentTuning
 
 

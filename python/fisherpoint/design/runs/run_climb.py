@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 from .reached_runs import ReachedRuns
 from .run_ascent import ascend
-from .run_guard import Margin, RunGuard
+from .run_feasibility import Margin, RunGuard
 from .run_moves import best_moves, hopped
 from .run_objective import RunObjective
 

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 from ...basics.checks import as_path, check_choice
 from ...basics.extras import needed_for
 from ...basics.files import write_together
-from ...basics.kept import Kept
+from ...basics.result_files import Kept
 from ...engine.versions import versions
 from ...information.problem_report import problem_sections
 from ...points.run_files import plan_csv, runs_csv
+from ...show.display import Plots, Shown
 from ...show.section import Report, Section
-from ...show.shown import Plots, Shown
 from ..results.found_runs import FoundRuns
 from ..results.settings_section import settings_section
-from .run_plots import PICTURES, plots_of
+from .run_picture_list import PICTURES, plots_of
 from .run_report import run_report
 from .run_tables import segments_table
 

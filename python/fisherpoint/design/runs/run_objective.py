@@ -21,8 +21,8 @@ from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
 from ...points.settings import Integration
 from ...points.status import Status
-from ..goal.average import Average
 from ..goal.criteria import Criterion
+from ..goal.scenario_average import Average
 from .run_clock import Clock
 from .run_margins import RunMargins, costs_of
 from .tuning import RunSearchTuning

@@ -19,7 +19,7 @@ from ...points.status import Status
 from ...show.numbers import counted
 from ...show.run_time import RunTime, shares_of
 from ...show.style import NOISE, PRIOR, STYLE, TEXT, Picture, labelled, scale, telling
-from .run_plants import RunPlants
+from .sampled_plants import RunPlants
 
 DRAWN = 100
 """Plants whose outputs show the spread."""

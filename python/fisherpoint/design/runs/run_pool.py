@@ -12,11 +12,11 @@ from ...basics.values import Array
 from ...information.null_space import information_without_rounding, null_directions
 from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
-from ..goal.estimable import RIDGE, SINGULAR
+from ..goal.estimable_space import RIDGE, SINGULAR
 from .run_clock import OutOfTime
 from .run_objective import Judged, Lasted, RunObjective
 from .run_profiles import Profile, draw_runs
-from .run_within import brought_within, first_within
+from .run_repair import brought_within, first_within
 
 
 class RunPool:

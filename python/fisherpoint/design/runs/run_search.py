@@ -1,11 +1,11 @@
 """The search for runs: starts from a pool of random ones, then all free numbers together, then single changes, and again.
 
 A start takes runs from a part of the pool (run_pool.py), or is a classical one (run_references.py). An ascent leads to a local
-maximum of log det F, all numbers of all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it, until
-none of them gains (run_climb.py). After each step plants are tried, and the distance from limits changes (run_guard.py). Where that
-is much work, all starts get some of it, and only the best go on (run_race.py). The winner hops and climbs until that is in vain,
-and its numbers are rounded (run_tidy.py). How many starts end at the same value is what is known about whether there is a better
-one.
+maximum of log det F, all numbers of all runs together (run_ascent.py); single changes of a run (run_moves.py) lead out of it,
+until none of them gains (run_climb.py). After each step plants are tried, and the distance from limits changes
+(run_feasibility.py). Where that is much work, all starts get some of it, and only the best go on (run_race.py). The winner hops
+and climbs until that is in vain, and its numbers are rounded (run_rounding.py). How many starts end at the same value is what
+is known about whether there is a better one.
 
 Its work is counted in starts and iterations, so that it finds the same on every machine; a limit of time only cuts it short.
 `RunSearchTuning` has the numbers.
@@ -25,22 +25,22 @@ from ...information.run_information import run_rows
 from ...points.run_region import RunCoordinates, RunRegion
 from ...points.runs import Runs
 from ...show.progress import Progress
-from ..goal.average import Average
 from ..goal.criteria import Criterion
 from ..goal.estimability import RUNS, restricted_criteria
-from ..goal.estimable import RIDGE
+from ..goal.estimable_space import RIDGE
+from ..goal.scenario_average import Average
 from ..results.settings import RunSettings
 from .reached_runs import ReachedRuns
 from .run_climb import Climb
 from .run_clock import Clock, OutOfTime
-from .run_guard import RunGuard
+from .run_feasibility import RunGuard
 from .run_objective import RunObjective
-from .run_plants import RunPlants
 from .run_pool import RunPool, determine_all
 from .run_race import race
 from .run_references import classical_runs
-from .run_tidy import tidied
+from .run_rounding import tidied
 from .sample_choice import best_samples
+from .sampled_plants import RunPlants
 from .tuning import RunSearchTuning
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from ...basics.checks import as_sequence, check_positive_int, check_type
 from ...basics.extras import needed_for
-from ...basics.kept import Kept
 from ...basics.options import with_options
+from ...basics.result_files import Kept
 from ...basics.stop_reason import StopReason
 from ...information.evaluation import Evaluation
 from ...information.point_information import PointInformation
@@ -23,9 +23,9 @@ from ...information.prior_information import prior_information as information_of
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
 from ...points.settings import resolve_threads
+from ...show.display import Plots, Shown
 from ...show.progress import Progress, check_progress, following
 from ...show.section import Report, Section
-from ...show.shown import Plots, Shown
 from ..goal.criteria import Criterion
 from ..goal.estimability import determined, not_told, refuse_open
 from ..goal.goal import Goal, goal_of
@@ -35,8 +35,8 @@ from ..points.point_search import PointSearch
 from ..points.size_search import sized_searches
 from ..results.cost import Cost
 from ..results.settings import MOST, ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations
+from .sweep_record import SizedDesign, SweptDesigns, log_det_of
 from .sweep_report import sweep_report
-from .swept import SizedDesign, SweptDesigns, log_det_of
 
 if TYPE_CHECKING:
     import pandas as pd

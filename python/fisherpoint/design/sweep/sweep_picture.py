@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
 
 from ...show.standard_errors import DECADE
 from ...show.style import NOISE, PRIOR, STYLE, Picture, share_formatter
-from .swept import SweptDesigns
+from .sweep_record import SweptDesigns
 
 _COLOURS = mpl.colormaps["tab20"].colors  # type: ignore[attr-defined]
 

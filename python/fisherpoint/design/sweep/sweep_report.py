@@ -10,7 +10,7 @@ from ...show.numbers import computed, counted, number, percent, percent_down
 from ...show.section import Report, Section
 from ..goal.goal import OF_ALL
 from ..results.singular_report import GUIDE, ridge_facts
-from .swept import SweptDesigns
+from .sweep_record import SweptDesigns
 
 _LARGEST = 3
 """Parameters that are named for each size: those with the largest standard errors next to the prior's."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...basics.values import Array
 from ..goal.criteria import Criterion, Slope
-from .inner import Inner, inner_of, mean_of
+from .interior_criteria import Inner, inner_of, mean_of
 from .tuning import WeightsTuning
 
 

@@ -19,9 +19,9 @@ from ...basics.values import Array
 from ..candidates.candidate_rows import CandidateRows, Places
 from ..goal.criteria import Criterion, Slope
 from ..goal.determinant import Determinant
-from ..goal.estimable import Estimable, estimable
-from .inner import mean_of
+from ..goal.estimable_space import Estimable, estimable
 from .interior import best_weights
+from .interior_criteria import mean_of
 from .tuning import WeightsTuning
 
 HELPS = 1.0 - 1e-9

@@ -16,7 +16,7 @@ from .branches import Surface
 from .guards import Guards, guards_of
 from .limits import is_root, limits_of
 from .printing import to_text
-from .words import in_words
+from .surface_text import in_words
 from .zeros import normal_form, reduced
 
 

@@ -15,8 +15,8 @@ from ..tape.branch import Select
 from ..tape.numbers import exact, is_number
 from ..tape.parts import reads, rebuilt, replaced, symbols_of
 from .branches import Branches, Surface
-from .places import Pairs, SurfacePoints
 from .precise import TooMuchWork, Work
+from .surface_points import Pairs, SurfacePoints
 from .zeros import normal_form
 
 _WORK = 100_000

@@ -10,7 +10,7 @@ from typing import Any
 import mpmath
 import sympy
 
-from ...basics.functions import Function
+from ...basics.function_table import Function
 from ..tape.branch import Select
 from ..tape.kinds import KINDS
 from ..tape.parts import parts

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import reduce
 
-from ...basics.functions import FUNCTIONS
+from ...basics.function_table import FUNCTIONS
 from .graph import STAGE, Graph
 from .node_of import node_of
 

@@ -10,7 +10,7 @@ from typing import Any
 import sympy
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
-from ...basics.functions import Function
+from ...basics.function_table import Function
 from .branch import Select
 from .graph import Graph
 from .groups import product_of, sum_of

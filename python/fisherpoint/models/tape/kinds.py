@@ -11,7 +11,7 @@ from typing import Any
 import sympy
 
 from ...basics.formulas import Formula, Reader
-from ...basics.functions import FUNCTIONS, Function
+from ...basics.function_table import FUNCTIONS, Function
 from .numbers import exact
 
 KINDS: dict[Any, Function] = {kind: function for function in FUNCTIONS if isinstance(kind := getattr(sympy, function.sympy), type)}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...basics.functions import FUNCTIONS
+from ...basics.function_table import FUNCTIONS
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ...information.validity import Validity
 from ...points.experiments import Experiments
-from .lineage import Lineage
+from .past_moves import Lineage
 from .pool import best_of_each, far_apart
 from .tuning import ClimbTuning, RegionClimbTuning
 

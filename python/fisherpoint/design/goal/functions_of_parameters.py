@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...basics.formulas import Formula, Reader
-from ...basics.functions import FUNCTIONS, Function
+from ...basics.function_table import FUNCTIONS, Function
 from ...basics.values import Array
 
 

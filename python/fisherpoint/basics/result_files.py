@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Self, get_args, get_type_hints
 import numpy as np
 
 from .checks import as_path
-from .declared import check_declared, check_type_of, types_of
+from .field_checks import check_declared, check_type_of, types_of
 from .files import built_from, entry, parse_json, read_bytes, sealed_json, write_whole
 from .messages import listed, shown
 from .values import FrozenMapping

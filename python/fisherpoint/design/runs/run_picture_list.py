@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
 from ...points.runs import Runs
-from ...show.shown import Plots
+from ...show.display import Plots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..basics.declared import Choices, Extents
-from ..basics.kept import Codec
+from ..basics.field_checks import Choices, Extents
+from ..basics.result_files import Codec
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json

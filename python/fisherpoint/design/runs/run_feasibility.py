@@ -12,10 +12,10 @@ import numpy as np
 
 from ...basics.values import Array
 from ...points.runs import Runs
-from ..results.found import DRAWS
+from ..results.found_design import DRAWS
 from .run_clock import Clock
 from .run_objective import RunObjective
-from .run_plants import RunPlants
+from .sampled_plants import RunPlants
 from .tuning import RunSearchTuning
 
 NORMAL = NormalDist()

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from fisherpoint.basics.files import read_bytes, write_together, write_whole
+from fisherpoint.show.display import Plots, Shown
 from fisherpoint.show.page import PagePicture, to_page
 from fisherpoint.show.section import Report, Section
-from fisherpoint.show.shown import Plots, Shown
 
 from .argv import repeated
 from .drawing import Drawers

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...basics.checks import as_positive, by_name
-from ...basics.declared import Extents
+from ...basics.field_checks import Extents
 from ...basics.messages import shown
 from ...basics.stop_reason import StopReason
 from ...information.evaluation import Evaluation

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from ...basics.declared import Extents
+from ...basics.field_checks import Extents
 from ...basics.stop_reason import StopReason
 from ...basics.values import FrozenMapping
 from ...information.feasibility import Feasibility, feasibility
@@ -15,7 +15,7 @@ from ...points.runs import Runs
 from ..goal.criteria import Criterion
 from ..goal.goal_criterion import criterion_of_design
 from .efficiency import Efficiency
-from .evaluated import EvaluatedPoints
+from .evaluated_points import EvaluatedPoints
 from .scenario_values import ScenarioValues
 from .settings import ExchangeSettings
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...show.shown import Plots
-from .evaluated import EvaluatedPoints
+from ...show.display import Plots
+from .evaluated_points import EvaluatedPoints
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

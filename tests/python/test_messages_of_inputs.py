@@ -10,7 +10,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.estimation.report import shift
-from fisherpoint.points.outside import outside
+from fisherpoint.points.outside_region import outside
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DIFFUSION = fp.SymbolicModel(["-sqrt(k)*x"], ["c*x"], {"x": "1"}, {}, {"k": "1/s2", "c": "1"}, nominal={"k": 4.0, "c": 1.0})

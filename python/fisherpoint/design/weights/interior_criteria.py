@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...basics.values import Array
-from ..goal.averaged import Averaged, AveragedSlope, joined
+from ..goal.averaged_criterion import Averaged, AveragedSlope, joined
 from ..goal.criteria import Criterion, Slope
 from ..goal.eigenvalue_criteria import SmallestEigenvalue
 

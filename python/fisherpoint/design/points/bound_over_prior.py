@@ -1,9 +1,10 @@
 """Upper bound of the designs of some candidates, for a criterion over the prior.
 
-Over scenarios a criterion is one of a block-diagonal matrix (averaged.py), so that its best weights, and what bounds those of any
-design, are found as at the prior mean. Where that matrix would be too large, or a criterion has kinks of its own, scenarios are
-taken in groups. With any q_c of average.py within group c, of weight w_c, the q = w_c q_c are some of all scenarios: so the average
-over all is at most the weighted mean of those in the groups, each of which its own best weights bound.
+Over scenarios a criterion is one of a block-diagonal matrix (averaged_criterion.py), so that its best weights, and what bounds
+those of any design, are found as at the prior mean. Where that matrix would be too large, or a criterion has kinks of its own,
+scenarios are taken in groups. With any q_c of average.py within group c, of weight w_c, the q = w_c q_c are some of all
+scenarios: so the average over all is at most the weighted mean of those in the groups, each of which its own best weights
+bound.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ..candidates.candidate_rows import CandidateRows
-from ..goal.average import Average
-from ..goal.averaged import MOST_OF_ALL, Averaged, EstimableOver
+from ..goal.averaged_criterion import MOST_OF_ALL, Averaged, EstimableOver
 from ..goal.criteria import Criterion
-from ..goal.estimable import Estimable, estimable
+from ..goal.estimable_space import Estimable, estimable
+from ..goal.scenario_average import Average
 from ..weights.weights import optimal_weights
 from .tuning import ArchiveTuning
 

@@ -15,16 +15,16 @@ from ...basics.checks import as_path
 from ...basics.csv_table import CsvTable
 from ...basics.extras import needed_for
 from ...basics.files import write_together
-from ...basics.kept import Kept
 from ...basics.messages import printable
 from ...basics.quantity import names_of
+from ...basics.result_files import Kept
 from ...engine.versions import versions
 from ...information.problem_report import problem_sections
 from ...points.experiments import points_csv
+from ...show.display import Plots, Shown
 from ...show.section import Report, Section
-from ...show.shown import Plots, Shown
-from .found import FoundDesign
-from .plots import PICTURES, plots_of
+from .found_design import FoundDesign
+from .picture_list import PICTURES, plots_of
 from .report import ROWS_OF_PAGES, design_report
 from .settings_section import settings_section
 

@@ -22,10 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...basics.values import Array
-from .average import Average
 from .criteria import Criterion, Slope
 from .determinant import Determinant
-from .estimable import Estimable
+from .estimable_space import Estimable
+from .scenario_average import Average
 
 MOST_OF_ALL = 320
 """Scenarios times parameters: matrices of this size are made of every candidate that is weighed."""

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from fisherpoint_command.side_by_side import Helpers
+from fisherpoint_command.work_processes import Helpers
 
 TWO_CORES = pytest.mark.skipif(
     not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2, reason="one core, on which nothing is side by side"
@@ -134,7 +134,7 @@ def test_where_a_fork_dies_the_work_is_done_here(error: Callable[[], None]) -> N
 BUSY = """
 import os, sys, time
 from functools import partial
-from fisherpoint_command.side_by_side import Helpers
+from fisherpoint_command.work_processes import Helpers
 try:
     with Helpers(2, lambda: None) as helpers:
         waits = [helpers.begin(partial(*work)) for work in {works}]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...basics.declared import Extents
+from ...basics.field_checks import Extents
 from ...basics.values import Array
 from ...information.null_space import column_scaled_svd, without_rounding
 

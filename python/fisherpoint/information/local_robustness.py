@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..basics.declared import Extents
+from ..basics.field_checks import Extents
 from ..basics.values import Array, FrozenMapping, IntArray
 from ..points.runs import as_runs
 from ..points.status import Status

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ..data.record import Record
-from ..show.shown import Plots
+from ..show.display import Plots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
