@@ -1,4 +1,4 @@
-# make design   the main job: an experiment design for the paper's cylinder, in run/paper
+# make design   the main task: the paper's design for its cylinder, the recommended one, and how they compare, in run/
 # make test     all tests, C++ and Python
 # Both set up what a bare Debian with Python 3.11 lacks: system packages (as root; an ordinary user is told which) and a
 # virtual environment in .venv. `make design` compiles for this machine alone; what is for developers, for every level of
@@ -17,6 +17,8 @@ SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp
 
 design: $(VENV)/.installed
 	$(BIN)/fisherpoint design examples/paper.toml -o run/paper --force
+	$(BIN)/fisherpoint design examples/cylinder.toml -o run/recommended --force
+	$(BIN)/fisherpoint compare examples/cylinder.toml run/paper/design.csv run/recommended/design.csv -o run/compared --force
 
 test: test-cpp test-python test-levels
 

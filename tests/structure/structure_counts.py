@@ -146,8 +146,8 @@ LIMITS: dict[Callable[[], int], int] = {
     long_signatures: 1,
     shared_class_names: 0,
     dialect: 29,
-    hanging_docstrings: 5,
-    search_constants: 78,
+    hanging_docstrings: 0,
+    search_constants: 77,
 }
 
 

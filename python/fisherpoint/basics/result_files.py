@@ -25,7 +25,7 @@ from .messages import listed, shown
 from .values import FrozenMapping
 
 FORMAT_VERSION = 1
-"""Of all files."""
+"""Version of the form of all files."""
 
 Codec = Mapping[type, tuple[Callable[[Any], Any], Callable[[Any], Any]]]
 """For types with a form of their own in JSON: how they are written, and read."""

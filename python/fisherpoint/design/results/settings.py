@@ -168,7 +168,7 @@ class RunSettings:
     time_limit: float | None = option(None, "time limit", TIME_LIMIT)
 
     CONFIDENCE: ClassVar[float] = 0.99
-    """Of a goal that has none."""
+    """Confidence where a goal has none."""
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__

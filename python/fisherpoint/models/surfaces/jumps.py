@@ -88,7 +88,7 @@ class _Judge:
 
     @cached_property
     def signs(self) -> dict[Any, int]:
-        """Of forms that the user says to be positive or negative."""
+        """Signs of forms that the user states to be positive or negative."""
         declared = (replaced(condition, self.numbers) for condition in self.conditions)
         return dict(normal_form(condition) for condition in declared if not condition.is_number)
 

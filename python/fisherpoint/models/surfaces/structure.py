@@ -126,7 +126,7 @@ class Structure:
                 raise ValueError(f"{place}{limit.name}: expected {expected}, given {given[~holds][0]:g}")
 
     def rough(self) -> list[bool]:
-        """Of each jump and kink, whether f takes a root or a logarithm of what is zero on it, or of what reads its side."""
+        """Whether f takes a root or a logarithm of what is zero on each jump and kink, or of what reads its side."""
         if not self.surfaces:
             return []
         under = {part.args[0] for rate in self.rates for part in parts(rate) if _is_root(part)}
@@ -157,7 +157,7 @@ class Structure:
 
 
 def steep_ones(surfaces: Sequence[Surface], rates: Sequence[Any]) -> list[bool]:
-    """Of each surface, whether the slope of rates has no bounds there: they take a root of what is zero on it."""
+    """Whether the slope of rates has no bounds at each surface: they take a root of what is zero on it."""
     if not surfaces:
         return []
     powers = [part for rate in rates for part in parts(rate) if part.is_Pow and isinstance(part.base, sympy.Abs)]

@@ -41,7 +41,7 @@ class SurfacePoints:
         ]
 
     def around(self, unknown: Any) -> Iterator[tuple[bool, bool]]:
-        """Of up to two points, found by changing one unknown: whether roots are proper there, and whether all pairs are equal."""
+        """Whether roots are proper and all pairs are equal at up to two points, found by changing one unknown."""
         values = {symbol: self._drawn(symbol) for symbol in self._symbols}
         start = values[unknown]
         roots: list[Value] = []

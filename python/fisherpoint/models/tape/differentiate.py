@@ -156,7 +156,7 @@ def _pow(graph: Graph, node: int, parts: list[Tangent]) -> Tangent:
 
 
 def _half_power(graph: Graph, tangents: Mapping[int, Tangent], negative: bool, base: int, exponent: float) -> Tangent:
-    """Of base**exponent or minus that, a product with a root, whose rule would make it 0 times infinity at a base of 0."""
+    """Slope of base**exponent or minus that as a product with a root: the usual rule makes it 0 times infinity at a base of 0."""
     slope = graph.mul(graph.literal(exponent), graph.pow(base, graph.literal(exponent - 1.0)))
     return _scale(graph, tangents.get(base, {}), graph.signed(negative, slope))
 
