@@ -69,7 +69,12 @@ PACKAGE = Path(fp.__file__).parent
 EVERY = ("show/style.py",)
 _OF_FIT = ("estimation/pictures.py", "show/run_time.py", "show/durations.py", "show/early_transients.py")
 DRAWN_BY = {
-    "points": ("design/pictures_points.py", "design/pictures_responses.py", "design/paths.py", "show/durations.py"),
+    "points": (
+        "design/results/pictures_points.py",
+        "design/results/pictures_responses.py",
+        "design/results/paths.py",
+        "show/durations.py",
+    ),
     "standard_errors": ("show/standard_errors.py",),
     "runs": ("design/runs/run_pictures.py", "show/run_time.py", "show/durations.py", "show/early_transients.py"),
     "profiles": _OF_FIT,

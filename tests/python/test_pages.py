@@ -111,11 +111,13 @@ def test_every_public_name_has_one_place_in_the_reference() -> None:
     text = "\n".join(path.read_text() for path in (DOCS / "reference" / "api").glob("*.md"))
     listed = re.findall(r"^::: fisherpoint\.(\w+)$", text, re.MULTILINE)
     assert sorted(listed) == sorted([*fp.__all__, "math"])
+    parts = re.findall(r"^::: fisherpoint\.results\.(\w+)$", text, re.MULTILINE)
+    assert sorted(parts) == fp.results.__all__
 
 
 def test_every_function_of_equations_is_in_the_reference() -> None:
     listed = re.findall(r"`(\w+)`[,.]", (DOCS / "reference" / "api" / "models.md").read_text())
-    assert set(fp.math.__all__) <= set(listed) and all(callable(getattr(fp, name)) for name in fp.math.__all__)
+    assert set(fp.math.__all__) <= set(listed) and all(callable(getattr(fp.math, name)) for name in fp.math.__all__)
 
 
 @pytest.mark.parametrize(
