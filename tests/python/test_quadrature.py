@@ -14,7 +14,8 @@ from conftest import random_points
 from defaults import MODEL, NAMES, NOISE, PRIOR, RELATIVE_STD, point, problem, same_bits, valid_points
 from fisherpoint.engine import _core
 from fisherpoint.engine.levels import kernels
-from fisherpoint.points.predictive import nearest_semidefinite
+from fisherpoint.points.predictive import nearest_semidefinite, rounding_of_outputs
+from fisherpoint.points.settings import checked_arguments
 from fisherpoint.prior.rules import MAX_LOST_WEIGHT, RULES
 from oracle import OUTPUT_ROWS, STATE_SCALES, Floats
 
@@ -154,6 +155,40 @@ def test_no_semidefinite_matrix_is_nearer_than_the_projection(seed: int, n: int)
         values, vectors = np.linalg.eigh((other + other.T) / 2)
         other = (vectors * np.maximum(values, 0)) @ vectors.T
         assert np.linalg.norm(other - given_matrix) >= distance * (1 - 1e-9)
+
+
+def test_outputs_that_are_held_at_zero_spoil_no_others() -> None:
+    """Both masses have come to rest: their velocities are rounding, of which weights of both signs make any matrix."""
+    mean, std = {"k": 2.5, "c": 0.75, "d": 0.58}, {"k": 0.05, "c": 0.015, "d": 0.0116}
+    rates = ["2*(u - r)", "v", "w", "2*r - k*(y - z) - 0.2*v - c*sign(v)", "k*(y - z) - 0.2*w - d*sign(w)"]
+    units = dict.fromkeys(("r", "y", "z", "v", "w"), "1")
+    model = fp.SymbolicModel(rates, ["y", "z", "v", "w"], units, {"u": "1"}, dict.fromkeys("kcd", "1"), check_units=False)
+    rule, prior = fp.SparseGaussHermite(2), fp.GaussianPrior(mean, std)
+    starts = np.random.default_rng(0).uniform(-1, 1, (40, 5))
+    points = fp.Experiments(starts, np.full((40, 1), -0.0115), np.full(40, 8.0))
+    given = fp.predictive_covariance(model, points, prior, rule, rtol=1e-9)
+    theta, weights = rule.nodes(prior)
+    nodes = np.vstack([model.theta(mean), theta])
+    y = fp.simulate(model, points[np.repeat(np.arange(40), len(nodes))], np.tile(nodes, (40, 1)), rtol=1e-9).y
+    y = y.reshape(40, len(nodes), 4)
+    rests = np.flatnonzero((np.abs(y[:, :, 2:]) < 1e-12).all(axis=(1, 2)) & (given.status == 0))
+    assert len(rests) > 20
+    off = y[:, 1:, :2] - y[:, :1, :2]
+    expected = np.einsum("r,kri,krj->kij", weights, off, off)
+    regular = [k for k in rests if np.linalg.eigvalsh(expected[k])[0] > 1e-6 * np.trace(expected[k])]
+    assert len(regular) > 10
+    for k in regular:
+        np.testing.assert_allclose(given.covariance[k, :2, :2], expected[k], rtol=1e-6, atol=1e-7 * expected[k].max())
+
+
+def test_spreads_that_are_rounding_of_a_model_in_python() -> None:
+    units = {"x": ("1", 1e-3), "z": ("1", 10.0)}
+    model = fp.CallableModel(
+        lambda x, u, p: [-p.k * x.x, 0 * x.z], lambda x, u, p: [x.x, 2 * x.z], units, {"u": "1"}, {"k": "1"}, {"y": "1", "q": "1"}
+    )
+    points = fp.Experiments([[1.0, 1.0]] * 3, [[0.0]] * 3, [1.0] * 3)
+    settings = checked_arguments(model, points, np.array([1.0]), 1e-6, 1, "cross", "cross", None)
+    np.testing.assert_allclose(rounding_of_outputs(model, points, np.array([1.0]), settings), [[1e-16, 2e-12]] * 3, rtol=1e-3)
 
 
 def test_semidefinite_matrices_are_not_touched() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.checks import check_names, check_type, some_names_among
 from ..basics.quantity import names_of
@@ -21,6 +23,9 @@ from .run_trajectories import checked_sensitivities
 from .settings import Integration, checked_arguments
 from .status import Status, named, only_finite
 from .trajectories import counted_statuses
+
+ROUNDING = 1e-13
+"""Share of what states of their natural sizes make of an output, below which its spread is rounding."""
 
 
 class _CovarianceAndStatus(NamedTuple):
@@ -141,7 +146,9 @@ def covariance_over_nodes(
     )
     status, projection = only_finite(status, covariance), np.zeros(len(points))
     if rule.signed and nearest:
-        covariance, projection = nearest_semidefinite(covariance)
+        covariance, projection = nearest_semidefinite(
+            covariance, lambda rows: rounding_of_outputs(model, points[rows], theta, settings)
+        )
     return PredictiveCovariance(covariance, status, projection, lost_weight)
 
 
@@ -161,23 +168,51 @@ def linearized(sensitivity: Array, correlation: Array, status: IntArray) -> Pred
     return PredictiveCovariance(covariance, status, np.zeros(len(status)), failed.astype(np.float64))
 
 
-def nearest_semidefinite(covariance: Array) -> tuple[Array, Array]:
+def rounding_of_outputs(model: Model, points: Experiments, theta: Array, settings: Integration) -> Array:
+    """Spread of every output (K, n_y) that may be rounding of the states, by what their natural sizes make of it at the start."""
+    scales = np.array([1.0 if quantity.scale is None else quantity.scale for quantity in model.states])
+    moved = points.x0 + np.vstack([np.zeros_like(scales), np.diag(scales)])[:, None]  # (1 + n_x, K, n_x)
+    count, k, n_x = moved.shape
+    u, dt = np.tile(points.u, (count, 1)), np.zeros(count * k)
+    _, y, *_ = model.kernels.simulate(model.core, moved.reshape(count * k, n_x), u, dt, theta, *settings)
+    y = y.reshape(count, k, -1)
+    return np.asarray(ROUNDING * np.nan_to_num(np.abs(y[1:] - y[0]), posinf=0.0).sum(axis=0))
+
+
+def nearest_semidefinite(covariance: Array, rounding_of: Callable[[NDArray[np.intp]], Array] | None = None) -> tuple[Array, Array]:
     """Return the nearest positive semidefinite matrices, and how far they are from the given (K, n, n).
 
     Distances are Frobenius norms where the outputs are scaled to unit diagonal, as shares of the given matrix' norm. Matrices whose
-    negative eigenvalues are rounding are returned as they are.
+    negative eigenvalues are rounding are returned as they are. `rounding_of` some matrices (R,) returns which standard deviations
+    of their outputs (R, n) are rounding: these have no spread, as scaled to unit diagonal they would spoil the others.
     """
+    covariance = covariance.copy()
+    rows = _not_semidefinite(covariance, np.arange(len(covariance)))
+    if len(rows) and rounding_of is not None:
+        spread = np.abs(np.diagonal(covariance[rows], axis1=1, axis2=2)) > rounding_of(rows) ** 2
+        covariance[rows] *= spread[:, :, None] & spread[:, None, :]
+        rows = _not_semidefinite(covariance, rows)
+    size = np.zeros(len(covariance))
+    if len(rows):
+        values, vectors, diagonal, scales = _scaled_eigenvalues(covariance[rows])
+        nearest = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+        nearest *= (diagonal > 0)[:, :, None] & (diagonal > 0)[:, None, :]  # an output without spread keeps none
+        covariance[rows] = (nearest + nearest.transpose(0, 2, 1)) / 2 * scales
+        size[rows] = np.linalg.norm(np.minimum(values, 0.0), axis=1) / np.linalg.norm(values, axis=1)
+    return covariance, size
+
+
+def _not_semidefinite(covariance: Array, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Which of these rows have a negative eigenvalue that is not rounding."""
+    values = _scaled_eigenvalues(covariance[rows])[0]
+    rounding = 16 * np.finfo(np.float64).eps * covariance.shape[1]
+    return np.asarray(rows[values.min(axis=1, initial=0.0) < -rounding * np.abs(values).max(axis=1, initial=0.0)])
+
+
+def _scaled_eigenvalues(covariance: Array) -> tuple[Array, Array, Array, Array]:
+    """Eigenvalues and eigenvectors with the outputs scaled to unit diagonal, that diagonal, and what entries were divided by."""
     diagonal = np.abs(np.diagonal(covariance, axis1=1, axis2=2))
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scales = scale[:, :, None] * scale[:, None, :]
     values, vectors = np.linalg.eigh(covariance / scales)
-    rounding = 16 * np.finfo(np.float64).eps * covariance.shape[1]
-    rows = np.flatnonzero(values.min(axis=1, initial=0.0) < -rounding * np.abs(values).max(axis=1, initial=0.0))
-    projected, size = covariance.copy(), np.zeros(len(covariance))
-    if len(rows):
-        clipped, v = np.maximum(values[rows], 0.0), vectors[rows]
-        nearest = (v * clipped[:, None, :]) @ v.transpose(0, 2, 1)
-        nearest *= (diagonal[rows] > 0)[:, :, None] & (diagonal[rows] > 0)[:, None, :]  # an output without spread keeps none
-        projected[rows] = (nearest + nearest.transpose(0, 2, 1)) / 2 * scales[rows]
-        size[rows] = np.linalg.norm(np.minimum(values[rows], 0.0), axis=1) / np.linalg.norm(values[rows], axis=1)
-    return projected, size
+    return values, vectors, diagonal, scales
