@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given as drawn_from
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from test_seen_candidates import at, information, problem
 
 import fisherpoint as fp
 from fisherpoint.design.approximate import continuous
@@ -24,6 +23,7 @@ from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.evaluation import evaluate_information
 from fisherpoint.information.output_covariance import output_covariance
 from fisherpoint.information.point_information import PointInformation
+from test_candidate_archive import at, information, problem
 from test_optimality import CONVEX, P, criteria, mixture, of_random_rows
 from test_over_prior import KINDS, average_of, log_det
 

@@ -54,7 +54,7 @@ IN_FUNCTIONS: dict[str, Callable[[Any, Any, Any], Any]] = {
     r"expected conditions, with brackets .*given x > 0": lambda x, z, u: fp.math.where(0 < x < 1, 1, 0),
     r"expected conditions, with brackets .*given z": lambda x, z, u: fp.math.where(x > 0 & z > 0, 1, 0),
     r"expected conditions, .*where\(condition, a, b\) instead of if": lambda x, z, u: x if x > 0 else z,
-    r"expected conditions, .*fp\.max and fp\.min instead of max": lambda x, z, u: max(x, z),
+    r"expected conditions, .*fp\.math\.max and fp\.math\.min instead of max": lambda x, z, u: max(x, z),
     r"expected conditions, .*given x,": lambda x, z, u: x or z,
     r"expected <, <=, > or >=, given == or != for x: write abs\(a - b\) < width": lambda x, z, u: fp.math.where(x == 0, 1, 0),
     r"expected <, <=, > or >=, given == or != for u": lambda x, z, u: fp.math.where(u != 0, 1, 0),

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_seen_candidates import at, problem
 
 import fisherpoint as fp
 from fisherpoint.basics.values import Array
 from fisherpoint.design.points.replicates import with_copies
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
+from test_candidate_archive import at, problem
 from test_known_designs import ONE_FACTOR
 from test_known_designs import problem as known_problem
 
