@@ -159,6 +159,7 @@ def test_a_logarithm_that_runs_off_is_no_minimum() -> None:
     start = fp.GaussianPrior({"k": 1.0}, {"k": 0.5}, log=["k"])
     fit = fp.estimate(model, data, start=start, noise_std={"y": 0.1})
     assert not fit.converged and fit.stop_reason.words in str(fit)
+    assert fit.message == f"{fit.stop_reason.words}. {fit.stop_reason.advice}"
     assert fp.estimate(model, data, start=start, noise_std={"y": 0.1}, bounds={"k": (None, 10.0)}).at_bounds == ("k",)
 
 

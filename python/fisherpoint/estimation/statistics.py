@@ -101,6 +101,11 @@ class FitStatistics:
         return self.stop_reason == StopReason.converged
 
     @property
+    def message(self) -> str:
+        """Why the search ended, in words, and what helps."""
+        return f"{self.stop_reason.words}. {self.stop_reason.advice}"
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the unknowns: estimated parameters, uncertain constants, starts of records that were not known, as "x0_h1"."""
         return self.weighted.unknowns.names
