@@ -317,7 +317,7 @@ def test_results_so_far_survive_an_interrupt() -> None:
 
     points = at([-1.0, 0.4, 2.0])
     found = fp.validate(line(), [points, points[:2]], runs=500, progress=interrupt)
-    assert found.interrupted and found.asked == 500 and found.runs == told[1].step < 500
+    assert found.interrupted and found.requested == 500 and found.runs == told[1].step < 500
     assert [now.total for now in told] == [500, 500] and told[0].step < told[1].step
     assert str(found).startswith(f"Interrupted after {found.runs} of 500 virtual experiments; ")
     for design in found.designs.values():

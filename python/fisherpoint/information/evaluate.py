@@ -1,4 +1,4 @@
-"""The evaluation of any points or runs: beside previous ones, and under the sensor noise alone."""
+"""The evaluation of any points or runs, beside previous ones."""
 
 from __future__ import annotations
 
@@ -66,24 +66,6 @@ def evaluate(
     if known is not None:
         information = PointInformation.join([known, information])
     return evaluate_information(problem, information, d_of(problem, information, threads), threads, prior_information)
-
-
-def evaluate_under_noise(
-    problem: DesignProblem,
-    points: Points,
-    *,
-    threads: int | None = None,
-    previous: Previous | None = None,
-    prior_information: bool = False,
-) -> Evaluation | None:
-    """Evaluate a design with D = R, or R_k, whatever the problem's D is; None where the sensor noise is not known."""
-    check_type(problem, DesignProblem, "problem")
-    _checked_runs(points)
-    if problem.noise_std is None:
-        return None
-    return evaluate(
-        problem, points, output_covariance="noise", threads=threads, previous=previous, prior_information=prior_information
-    )
 
 
 def _checked_runs(points: Points) -> Runs:

@@ -59,8 +59,8 @@ def said(validation: ValidatedDesigns, verdicts: Mapping[str, Mapping[str, Param
     lines = [_verdict(validation, design, verdicts[name]) for name, design in validation.designs.items()]
     if len(lines) > 1:
         lines = [f"{name}: {line}" for name, line in zip(validation.designs, lines, strict=True)]
-    if validation.runs < validation.asked:
-        return [f"Interrupted after {validation.runs} of {validation.asked} virtual experiments; {lines[0]}", *lines[1:]]
+    if validation.runs < validation.requested:
+        return [f"Interrupted after {validation.runs} of {validation.requested} virtual experiments; {lines[0]}", *lines[1:]]
     return [f"{lines[0][0].upper()}{lines[0][1:]}"] if len(lines) == 1 else lines
 
 

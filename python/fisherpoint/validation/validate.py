@@ -85,7 +85,7 @@ def validate(
     Returns
     -------
     Validation
-        Ctrl-C returns what there is by then, with fewer `runs` than `asked`.
+        Ctrl-C returns what there is by then, with fewer `runs` than `requested`.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class ValidatedDesigns:
     noise : {"known", "estimated"}
     use_prior : bool
     seconds : float
-    asked : int
+    requested : int
         Requested number of virtual experiments: more than `runs` where Ctrl-C came first.
     """
 
@@ -50,7 +50,7 @@ class ValidatedDesigns:
     noise: str
     use_prior: bool
     seconds: float
-    asked: int = 0
+    requested: int = 0
 
     _CODEC: ClassVar[Codec] = {Model: (model_to_json, model_from_json)}
     _EXTENTS: ClassVar[Extents] = {
@@ -63,4 +63,4 @@ class ValidatedDesigns:
     @property
     def interrupted(self) -> bool:
         """Whether Ctrl-C ended it before all virtual experiments were made."""
-        return self.runs < self.asked
+        return self.runs < self.requested

@@ -85,33 +85,6 @@ void Integrator<Equation, Method>::start_on_jumps(const State& y, const P& durat
   start_anew(on, y, duration);
 }
 
-// Of lanes that are on jump m: where f leads onto it from one side, and along it on the other, to rounding, as where a force is
-// that at which friction breaks off. How that changes decides: the jump holds them, or lets them go to the other side. Where it
-// does not change they rest on that side.
-template <class Equation, class Method>
-auto Integrator<Equation, Method>::balance(auto m, const Mask& lanes, const P& r_plus, const P& r_minus, const State& y)
-    -> Balance {
-  const P zero(0.0);
-  const auto none = [&](const P& rate, const P& other) {
-    return (abs(rate) <= alike_rates * abs(other)) | moves_none(m, rate, y);
-  };
-  const Mask up = lanes & (r_minus > zero) & none(r_plus, r_minus),
-             down = lanes & !up & (r_plus < zero) & none(r_minus, r_plus);
-  Balance found{up | down, Lanes::none(), Lanes::none(), select(up, P(1.0), P(-1.0))};
-  if (!any(found.lanes)) return found;
-  Side held = side_;
-  held[m] = select(found.lanes, zero, side_[m]);
-  const BothSides<Equation> at(f_, y, held);
-  State rates;
-  fit(rates, f_.states);
-  for_each_index(f_.states, [&](auto i) { rates[i] = at.sliding(i); });
-  const P step = min(span_, starting_step(y)), across = at.r_minus - at.r_plus;
-  const P change = hold_span * step * hold_rate(y, rates, step, held), seen = alike_rates * across * across;
-  found.holds = found.lanes & (change > seen);
-  found.lets_go = found.lanes & (change < -seen);
-  return found;
-}
-
 // To which side of jump m, at which f does not jump now, a trajectory goes that lies on it and does not move across it at
 // first.
 template <class Equation, class Method>

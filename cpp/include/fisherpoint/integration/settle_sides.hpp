@@ -202,25 +202,6 @@ void Integrator<Equation, Method>::settle_sides(const Mask& lanes, const Retyped
   see_slides();
 }
 
-// balance() of jump m where others are on these sides or slide.
-template <class Equation, class Method>
-auto Integrator<Equation, Method>::balance_of_several(int m, const Mask& lanes, const Side& settled, const State& y)
-    -> Balance {
-  Balance found{lanes, Lanes::none(), Lanes::none(), settled[m]};
-  Side held = settled;
-  held[m] = select(lanes, P(0.0), settled[m]);
-  const SeveralSlides<Equation> at(f_, y, held, lanes);
-  const P step = min(span_, starting_step(y));
-  const ShelfVector<P> rate = hold_rates(lanes, y, at.rate, step, held);
-  for (int j = 0; j < at.count(); ++j) {
-    if (at.jumps[j] != m) continue;
-    const P change = hold_span * step * rate[j], seen = alike_rates * at.across(j) * at.across(j);
-    found.holds = lanes & (change > seen);
-    found.lets_go = lanes & (change < -seen);
-  }
-  return found;
-}
-
 // The lanes that have met a jump while they are on another one, which they have met too or slide on.
 template <class Equation, class Method>
 auto Integrator<Equation, Method>::on_several(const Retyped<Side, Mask>& met) const -> Mask {

@@ -15,7 +15,7 @@ from ...basics.extras import needed_for
 from ...basics.field_checks import Choices, Extents
 from ...basics.result_files import Kept
 from ...basics.values import FrozenMapping
-from ...information.evaluate import evaluate_under_noise
+from ...information.evaluate import evaluate
 from ...information.feasibility import Feasibility, feasibility
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
@@ -220,7 +220,7 @@ def _compared(problem: DesignProblem, name: str, points: Points, draws: int, see
     evaluation, without = None, ""
     try:
         try:
-            evaluation = evaluate_under_noise(problem, points, threads=threads)
+            evaluation = evaluate(problem, points, output_covariance="noise", threads=threads)
         except NoTrajectory as error:
             without = str(error)
         able = feasibility(problem, points, draws=draws, seed=seed, threads=threads)

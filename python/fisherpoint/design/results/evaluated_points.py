@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...information.evaluate import evaluate, evaluate_under_noise
+from ...information.evaluate import evaluate
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
@@ -33,6 +33,10 @@ class EvaluatedPoints:
 def evaluate_points(problem: DesignProblem, points: Experiments, threads: int | None = None) -> EvaluatedPoints:
     """Evaluate `points` under the problem's output covariance and, where the noise is known, under it alone."""
     evaluation = evaluate(problem, points, threads=threads)
-    same = problem.output_covariance == "noise"
-    under_noise = evaluation if same else evaluate_under_noise(problem, points, threads=threads)
+    if problem.output_covariance == "noise":
+        under_noise: Evaluation | None = evaluation
+    elif problem.noise_std is None:
+        under_noise = None
+    else:
+        under_noise = evaluate(problem, points, output_covariance="noise", threads=threads)
     return EvaluatedPoints(problem, points, evaluation, under_noise)

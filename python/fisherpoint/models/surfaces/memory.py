@@ -5,7 +5,7 @@ A latch in equations is a further state, 0 or 1, which moves only where it is se
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import sympy
@@ -65,8 +65,3 @@ def remembered(resets: Sequence[Reset], memory: Memory) -> tuple[Reset, ...]:
         for one in resets
     ]
     return (*memory.resets, *given)
-
-
-def resets_of(given: Sequence[tuple[Any, Mapping[Any, Any]]]) -> tuple[Reset, ...]:
-    """Resets of conditions, as positive numbers, with the states that they set."""
-    return tuple(Reset(condition, tuple(values.items())) for condition, values in given)
