@@ -195,7 +195,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
     int at = 0;
     for (P& rate : dx) rate = rates_.output(at++);
     for (P& entry : jacobian.by_state) entry = rates_.output(at++);
-    for (P& entry : jacobian.by_theta) entry = rates_.output(at++);
+    for (int e = 0; e < dependence.by_theta - 1; ++e) jacobian.by_theta[e] = rates_.output(at++);
   }
 
   void output(const State& x, const Columns<TapeModel, P>& s, typename Plain::Output& y, ShelfVector<P>& dy_dtheta) const {

@@ -12,10 +12,17 @@
 
 namespace fisherpoint {
 
-// The entries of f_x and f_theta that S' needs: f_x row by row, f_theta column by column.
+// The entries of f_x and f_theta that S' needs: f_x row by row, f_theta column by column and behind it a zero, which columns of
+// one pattern read in the place of entries that are not their own.
 template <class M, class P>
 struct Jacobian {
-  Jacobian() {}  // not set to anything: it is always written first
+  Jacobian() {}  // not set to anything: it is always fitted first, and written
+
+  void fit_to(const Dependence<M>& dependence) {
+    fit(by_state, dependence.by_state);
+    fit(by_theta, dependence.by_theta);
+    by_theta[dependence.by_theta - 1] = P(0.0);
+  }
 
   Numbers<P, std::remove_const_t<decltype(Dependence<M>::by_state)>> by_state;
   Numbers<P, std::remove_const_t<decltype(Dependence<M>::by_theta)>> by_theta;

@@ -159,11 +159,7 @@ class Adjoints {
   }
 
   Embedded take(const Step& step, std::size_t at, State& x) {
-    while (jacobian_.size() < (at + 1) * stages) {
-      Jacobian<M, P>& jacobian = jacobian_.emplace_back();
-      fit(jacobian.by_state, f_.dependence.by_state);
-      fit(jacobian.by_theta, f_.dependence.by_theta);
-    }
+    while (jacobian_.size() < (at + 1) * stages) jacobian_.emplace_back().fit_to(f_.dependence);
     std::array<Jacobian<M, P>*, stages> jacobian;
     for (std::size_t s = 0; s < stages; ++s) jacobian[s] = &jacobian_[at * stages + s];
     return take_stages(step, jacobian, x);

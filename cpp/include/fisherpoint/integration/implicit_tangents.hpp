@@ -37,10 +37,7 @@ class ImplicitTangents {
         right_(stages * n_),
         start_(n_),
         column_(n_) {
-    for (Jacobian<M, P>& jacobian : jacobian_) {
-      fit(jacobian.by_state, f_.dependence.by_state);
-      fit(jacobian.by_theta, f_.dependence.by_theta);
-    }
+    for (Jacobian<M, P>& jacobian : jacobian_) jacobian.fit_to(f_.dependence);
     fit(rate_, f_.states);
     fit(at_, f_.states);
     fit(side_, f_.sides);

@@ -19,6 +19,8 @@
 #include <cstddef>
 #include <type_traits>
 
+#include "fisherpoint/models/dependence.hpp"
+#include "fisherpoint/numbers/pack.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
@@ -52,6 +54,24 @@ P weighted_sum(N n, const P& start, const std::array<double, size>& weights, con
 template <class N, std::size_t size, class State>
 auto weighted_sum(N n, const std::array<double, size>& weights, const State* stage, int i) {
   return weighted_sum(Count<1>{}, n, weights[0] * stage[0][i], weights, stage, i);
+}
+
+// sums[i] += the weighted sum of the first n stages, for all variables i of a set. The bits are those of `weighted_sum`, but a
+// weight is loaded once for all variables, and not once for each.
+template <class N, std::size_t size, class State>
+void add_weighted(N n, const std::array<double, size>& weights, const State* stage, auto variables, State& sums) {
+#if !defined(FISHERPOINT_SANITIZED)
+  if constexpr (!std::is_same_v<N, int>) {
+    using P = std::remove_cvref_t<decltype(sums[0])>;
+    for_each_index(n, [&](auto r) {
+      if (weights[r] == 0) return;
+      const P weight = in_register(P(weights[r]));
+      for_each_variable(variables, [&](auto i) { sums[i] += weight * stage[r][i]; });
+    });
+    return;
+  }
+#endif
+  for_each_variable(variables, [&](auto i) { sums[i] = weighted_sum(n, sums[i], weights, stage, i); });
 }
 
 // Whether the derivative at the step's end takes part in an error.

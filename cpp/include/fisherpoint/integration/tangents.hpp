@@ -41,10 +41,7 @@ class Tangents {
     fit(squared_column_error_, f_.parameters);
     fit(squared_column_size_, f_.parameters);
     fit(coarse_fourth_, f_.parameters);
-    for (Jacobian<M, P>& jacobian : jacobian_) {
-      fit(jacobian.by_state, f_.dependence.by_state);
-      fit(jacobian.by_theta, f_.dependence.by_theta);
-    }
+    for (Jacobian<M, P>& jacobian : jacobian_) jacobian.fit_to(f_.dependence);
     s.fill(P(0.0));
     squared_column_error_.fill(P(0.0));
     coarse_fourth_.fill(P(0.0));
@@ -183,8 +180,7 @@ class Tangents {
 
   [[gnu::noinline]] void rates(const State& at, const Side& side, State& rate) const {
     Jacobian<M, P> jacobian;
-    fit(jacobian.by_state, f_.dependence.by_state);
-    fit(jacobian.by_theta, f_.dependence.by_theta);
+    jacobian.fit_to(f_.dependence);
     const bool slide = any(any_slides<P>(f_, side));
     linearise_ahead(at, side, slide, rate, jacobian);
     if (!slide) return;
@@ -278,18 +274,17 @@ class Tangents {
   // Column k, which has the pattern of column j.
   void advance_column(auto j, int k) {
     const auto rows = f_.dependence.rows(j);
-    const auto driven = f_.dependence.driven(j);
+    const auto driven = f_.dependence.driven_in_group(j);
     P* const column = &s[f_.dependence.column_start[k]];
-    const int drive_start = f_.dependence.theta_start[k];
     State rate[Method::stages], ahead;  // of the column's states alone
     fit_all(rate, ahead);
     for_each_index(counted<Equation, stages>(), [&](auto s) {
-      for_each_variable(rows,
-                        [&](auto i) { ahead[i] = weighted_sum(s, column[detail::below(rows, i)], Method::a[s], rate, i); });
+      for_each_variable(rows, [&](auto i) { ahead[i] = column[detail::below(rows, i)]; });
+      add_weighted(s, Method::a[s], rate, rows, ahead);
       const auto& jacobian = jacobian_[s];
       for_each_variable(rows, [&](auto i) {
         P sum(0.0);
-        if ((driven >> i) & 1) sum = jacobian.by_theta[drive_start + detail::below(driven, i)];
+        if ((driven >> i) & 1) sum = jacobian.by_theta[f_.dependence.drive_at(k, i)];
         const auto coupled = f_.dependence.coupled(i);
         for_each_variable(both(coupled, rows), [&](auto m) {
           sum += jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, m)] * ahead[m];
@@ -314,12 +309,11 @@ class Tangents {
   // too, where all stages in one function take a third less time.
   [[gnu::noinline]] void column_rate(auto j, int k, auto s, const State& column, State& rate) {
     const auto rows = f_.dependence.rows(j);
-    const auto driven = f_.dependence.driven(j);
-    const int drive_start = f_.dependence.theta_start[k];
+    const auto driven = f_.dependence.driven_in_group(j);
     const auto& jacobian = jacobian_[s];
     for_each_variable(rows, [&](auto i) {
       P sum(0.0);
-      if ((driven >> i) & 1) sum = jacobian.by_theta[drive_start + detail::below(driven, i)];
+      if ((driven >> i) & 1) sum = jacobian.by_theta[f_.dependence.drive_at(k, i)];
       const auto coupled = f_.dependence.coupled(i);
       for_each_variable(both(coupled, rows), [&](auto m) {
         sum += jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, m)] * column[m];

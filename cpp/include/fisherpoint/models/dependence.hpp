@@ -134,6 +134,10 @@ class Dependence {
   static constexpr Variables driven_of(int j) {
     return detail::which(n_x, [j](int i) { return (parameters_read[i] >> j) & 1; });
   }
+  static constexpr bool alike(int j, int k) { return rows_of(j) == rows_of(k); }
+  static constexpr Variables driven_alike(int j) {
+    return detail::which(n_x, [j](int i) { return (parameters_read[i] & detail::which(p, [j](int k) { return alike(j, k); })) != 0; });
+  }
   static constexpr Variables sensitive_states = detail::which(n_x, [](int i) { return row[i] != 0; });
   static constexpr Variables coupled_of(int i) {
     return detail::which(n_x, [i](int k) { return ((states_read[i] >> k) & 1) && row[k] != 0; });
@@ -147,6 +151,11 @@ class Dependence {
   }
   template <int j>
   static constexpr Set<driven_of(j)> driven(Count<j>) {
+    return {};
+  }
+  // The states whose f reads any parameter with the pattern of column j: those columns have one code.
+  template <int j>
+  static constexpr Set<driven_alike(j)> driven_in_group(Count<j>) {
     return {};
   }
   // The parameters that f_i reads, and the states that it reads and that depend on any parameter.
@@ -244,26 +253,36 @@ class Dependence {
     for (int i = 0; i < n; ++i) sum += std::popcount(mask_of(i));
     return sum;
   }
+  static constexpr auto place_of_drives = [] {
+    std::array<std::array<int, n_x>, p> at{};
+    for (int j = 0; j < p; ++j)
+      for (int i = 0; i < n_x; ++i)
+        at[j][i] = (driven_of(j) >> i) & 1 ? theta_start[j] + detail::below(driven_of(j), i) : total(p, driven_of);
+    return at;
+  }();
+  // For every column the first one of its pattern, and the next one, or p.
+  static constexpr std::array<std::array<int, 2>, p> patterns = [] {
+    std::array<std::array<int, 2>, p> of{};
+    for (int j = 0; j < p; ++j) {
+      int& leader = of[j][0] = 0;
+      while (!alike(leader, j)) ++leader;
+      int& next = of[j][1] = j + 1;
+      while (next < p && !alike(next, j)) ++next;
+    }
+    return of;
+  }();
 
  public:
-  static constexpr Count<total(n_x, coupled_of)> by_state{};  // entries of f_x
-  static constexpr Count<total(p, driven_of)> by_theta{};     // of f_theta
-  static constexpr Count<total(p, rows_of)> in_columns{};     // of S
+  static constexpr Count<total(n_x, coupled_of)> by_state{};       // entries of f_x
+  static constexpr Count<total(p, driven_of) + 1> by_theta{};      // of f_theta, and behind them a zero
+  static constexpr Count<total(p, rows_of)> in_columns{};          // of S
+
+  // Where the derivative of f_i by parameter j is among the entries of f_theta; of one that is no entry, the zero's place.
+  static constexpr int drive_at(int j, int i) { return place_of_drives[j][i]; }
 
   // The first of the parameters whose columns have the pattern of column j, and the next one after j that has it, or p.
-  static constexpr int leader(int j) {
-    for (int k = 0; k < j; ++k)
-      if (alike(k, j)) return k;
-    return j;
-  }
-  static constexpr int next_alike(int j) {
-    int k = j + 1;
-    while (k < p && !alike(k, j)) ++k;
-    return k;
-  }
-
- private:
-  static constexpr bool alike(int j, int k) { return rows_of(j) == rows_of(k) && driven_of(j) == driven_of(k); }
+  static constexpr int leader(int j) { return patterns[j][0]; }
+  static constexpr int next_alike(int j) { return patterns[j][1]; }
 };
 
 template <Model M>

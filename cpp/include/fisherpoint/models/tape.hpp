@@ -121,13 +121,15 @@ class Dependence<TapeModel> {
       return at;
     };
     by_state = starts(coupled_, state_start);
-    by_theta = starts(driven_, theta_start);
+    by_theta = starts(driven_, theta_start) + 1;
     in_columns = starts(rows_, column_start);
     varying_outputs = static_cast<int>(std::count(varying_.outputs.begin(), varying_.outputs.end(), true));
   }
 
   Variables rows(int j) const { return rows_[j]; }
   Variables driven(int j) const { return driven_[j]; }
+  Variables driven_in_group(int j) const { return driven_[j]; }
+  int drive_at(int j, int i) const { return theta_start[j] + detail::below(driven_[j], i); }
   Variables coupled(int i) const { return coupled_[i]; }
   Variables sensitive() const { return sensitive_; }
   bool depends(int i, int j) const { return (row_[i] >> j) & 1; }
@@ -143,7 +145,7 @@ class Dependence<TapeModel> {
   int leader(int j) const { return j; }
   int next_alike(int) const { return static_cast<int>(rows_.size()); }
 
-  int by_state, by_theta, in_columns, varying_outputs;
+  int by_state, by_theta, in_columns, varying_outputs;  // by_theta counts the zero behind the entries too
   std::vector<int> state_start, theta_start, column_start;
 
  private:

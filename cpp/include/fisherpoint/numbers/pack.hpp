@@ -252,7 +252,17 @@ struct Pack {
   }
 };
 
+// The same number, of which the compiler does not know the value: it stays in its register, and is not loaded for each use.
+template <int W>
+[[gnu::always_inline]] inline Pack<W> in_register(Pack<W> a) {
+#if defined(__x86_64__)
+  for (int k = 0; k < Pack<W>::parts; ++k) asm("" : "+v"(a.part[k]));
+#endif
+  return a;
+}
+
 // The same vocabulary for one plain double.
+inline double in_register(double a) { return a; }
 inline double select(bool m, double a, double b) { return m ? a : b; }
 inline double sqrt(double a) { return std::sqrt(a); }
 inline std::pair<double, double> root_and_slope(double a) { return {std::sqrt(a), 0.5 / std::sqrt(a)}; }
