@@ -28,7 +28,7 @@ static auto replay(const M& model, const std::array<double, n_x>& x0, const std:
     for (std::size_t m = 0; m < start.size(); ++m) stretches[0].side[m] = start[m] < 0 ? -1 : 1;
   }
   const E equation(model, packed, {P(0.0)});
-  const auto replayed = Replay<M, P, DormandPrince853>(equation).run(x, stretches);
+  const auto replayed = fisherpoint::replay<DormandPrince853>(equation, x, stretches);
   return std::pair{x, replayed};
 }
 

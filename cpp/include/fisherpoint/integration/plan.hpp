@@ -115,7 +115,7 @@ class Planner {
     const StateEquation<M, double> equation(model_, of_row(pilots_[0], shape_.parameters), of_lane(u_, shape_.inputs));
     plan.nominal_y = equation.output(end.x[0]);
     auto x = of_lane(x0_, shape_.states);
-    Replay<M, double, Method>(equation).run(x, plan.stretches, Recorded{plan.shared});
+    replay<Method>(equation, x, plan.stretches, Recorded{plan.shared});
     return plan;
   }
 
@@ -167,7 +167,7 @@ class Planner {
       for (int lane = 0; lane < width; ++lane) set_lane(theta, lane, pilots_[std::min(first + lane, pilots_.count - 1)]);
       const Equation equation(model_, theta, u_);
       auto x = x0_;
-      const auto replayed = Replay<M, P, Method>(equation).run(x, stretches);
+      const auto replayed = replay<Method>(equation, x, stretches);
       for (int lane = 0; lane < width && first + lane < pilots_.count; ++lane) {
         result.x.push_back(of_lane(x, shape_.states, lane));
         result.clear.push_back(lanes_of<P>::get(replayed.clear(), lane));

@@ -51,88 +51,143 @@ struct Remembered {
   auto operator()(auto&& compute) { return decltype(compute())(*next++); }
 };
 
-template <class M, class P, class Method>
+// K packs side by side: while one waits for a root or a quotient, the others go on. They have one start and one input, and
+// differ in theta.
+template <class M, class P, class Method, int K = 1>
 class Replay {
   using Equation = StateEquation<M, P>;
   using State = typename Equation::State;
+  using Side = typename Equation::Side;
   using Surfaces = typename Equation::Surfaces;
   static constexpr int last = Method::stages - 1;
   // Bernstein coefficients inside a step must exceed this share of the surface's variation over it.
   static constexpr double margin = 0.03;
 
  public:
-  explicit Replay(const Equation& equation) : f_(equation) {}
+  using Packs = std::array<State, K>;
+
+  explicit Replay(const std::array<const Equation*, K>& equations) : f_(equations) {}
 
   template <class Source = Computed>
-  FISHERPOINT_HOT Replayed<P> run(State& x, const std::vector<Stretch<M>>& stretches, Source shared = {}) {
+  FISHERPOINT_HOT std::array<Replayed<P>, K> run(Packs& x, const std::vector<Stretch<M>>& stretches, Source shared = {}) {
     static_assert(Method::c[last - 1] == 1.0, "the slope at a step's end is that of the stage there");
-    Replayed<P> outcome{P(1.0), P(0.0)};
-    State stage[Method::stages], ahead, error;
-    for (State& rates : stage) fit(rates, f_.states);
-    fit(ahead, f_.states);
-    fit(error, f_.states);
-    typename Equation::Side side;
-    fit(side, f_.sides);
-    Surfaces value = f_.surface_values(x);
+    const Equation& f = *f_[0];  // for what all have in common
+    std::array<Replayed<P>, K> outcome;
+    outcome.fill({P(1.0), P(0.0)});
+    State stage[K][Method::stages], error;
+    Packs ahead;
+    std::array<Surfaces, K> value, rate;
+    for (auto& of_pack : stage)
+      for (State& rates : of_pack) fit(rates, f.states);
+    for (State& state : ahead) fit(state, f.states);
+    fit(error, f.states);
+    Side side;
+    fit(side, f.sides);
+    for_each_index<K>([&](auto q) { value[q] = f_[q]->surface_values(x[q]); });
     for (const Stretch<M>& stretch : stretches) {
-      for_each_index(f_.sides, [&](auto m) { side[m] = P(stretch.side[m]); });
-      if (f_.sided_limits) value = f_.surface_values(x, side);
+      for_each_index(f.sides, [&](auto m) { side[m] = P(stretch.side[m]); });
+      if (f.sided_limits) for_each_index<K>([&](auto q) { value[q] = f_[q]->surface_values(x[q], side); });
       const double step = stretch.duration / stretch.steps;
+      std::array<std::array<double, last>, Method::stages> weights{};  // times the step
+      for (int s = 0; s <= last; ++s)
+        for (int r = 0; r < s; ++r) weights[s][r] = step * Method::a[s][r];
       for (int k = 0; k < stretch.steps; ++k) {
-        f_.derivative(x, side, stage[0]);
-        const Surfaces rate = f_.surface_rates(x, stage[0], side);
+        for_each_index<K>([&](auto q) {
+          f_[q]->derivative(x[q], side, stage[q][0]);
+          rate[q] = f_[q]->surface_rates(x[q], stage[q][0], side);
+        });
         for_each_index(counted<Equation, last - 1>(), [&](auto before) {
           const auto s = after(before);
-          for_each_index(f_.states, [&](auto i) {
-            ahead[i] = own_or(i, shared, [&] { return x[i] + step * weighted_sum(s, Method::a[s], stage, i); });
+          move(s, weights[s], x, stage, ahead, shared);
+          for_each_index<K>([&](auto q) { f_[q]->derivative(ahead[q], side, stage[q][s]); });
+        });
+        move(counted<Equation, last>(), weights[last], x, stage, x, shared);
+        for_each_index<K>([&](auto q) {
+          const Surfaces end = f_[q]->surface_values(x[q], side);
+          check(outcome[q].clearance, side, step, value[q], rate[q], end, f_[q]->surface_rates(x[q], stage[q][last - 1], side));
+          value[q] = end;
+          if constexpr (end_counts<Method>()) f_[q]->derivative(x[q], side, stage[q][last]);
+          for_each_index(f.states, [&](auto i) {
+            error[i] = P(0.0);
+            if (f.dependence.state_depends(i) || !std::is_same_v<Source, Remembered>)
+              error[i] = step * weighted_sum(counted<Equation, last + end_counts<Method>()>(), Method::error, stage[q], i);
           });
-          f_.derivative(ahead, side, stage[s]);
+          outcome[q].squared_error += f_[q]->squared_size(error);
         });
-        for_each_index(f_.states, [&](auto i) {
-          x[i] = own_or(i, shared,
-                        [&] { return x[i] + step * weighted_sum(counted<Equation, last>(), Method::a[last], stage, i); });
-        });
-        const Surfaces end = f_.surface_values(x, side);
-        check(outcome.clearance, side, step, value, rate, end, f_.surface_rates(x, stage[last - 1], side));
-        value = end;
-        if constexpr (end_counts<Method>()) f_.derivative(x, side, stage[last]);
-        for_each_index(f_.states, [&](auto i) {
-          error[i] = P(0.0);
-          if (f_.dependence.state_depends(i) || !std::is_same_v<Source, Remembered>)
-            error[i] = step * weighted_sum(counted<Equation, last + end_counts<Method>()>(), Method::error, stage, i);
-        });
-        outcome.squared_error += f_.squared_size(error);
       }
     }
     return outcome;
   }
 
  private:
-  P own_or(auto i, auto& shared, auto&& compute) {
-    if (f_.dependence.state_depends(i)) return compute();
-    return shared(compute);
+  // The states at stage n, or at the step's end; what does not depend on theta once for all packs.
+  void move(auto n, const auto& weights, const Packs& from, const auto& stage, Packs& to, auto& shared) {
+    const Equation& f = *f_[0];
+    for_each_index(f.states, [&](auto i) {
+      const auto moved = [&](auto q) {
+        P sum = from[q][i];
+        for_each_index(n, [&](auto r) {
+          if (Method::a[n][r] != 0) sum += weights[r] * stage[q][r][i];
+        });
+        return sum;
+      };
+      if (f.dependence.state_depends(i)) {
+        for_each_index<K>([&](auto q) { to[q][i] = moved(q); });
+      } else {
+        const P common = shared([&] { return moved(Count<0>{}); });
+        for_each_index<K>([&](auto q) { to[q][i] = common; });
+      }
+    });
   }
 
-  void check(P& clearance, const auto& sides, double step, const Surfaces& value0, const Surfaces& rate0,
-             const Surfaces& value1, const Surfaces& rate1) {
-    const auto check_one = [&](P h0, P r0, P h1, P r1) {
-      const P rise = (step / 3) * r0, fall = (step / 3) * r1, b1 = h0 + rise, b2 = h1 - fall;
-      const P least = margin * (abs(rise) + abs(b2 - b1) + abs(fall));
-      clearance = min(clearance, min(min(b1, b2) - least, min(h0, h1)));
-    };
-    for_each_index(f_.sides, [&](auto m) {
-      if (!planned(f_, f_.dependence, m))
-        check_one(sides[m] * value0[m], sides[m] * rate0[m], sides[m] * value1[m], sides[m] * rate1[m]);
+  // Almost every step keeps so far off all surfaces that a bound for the Bernstein coefficients shows it.
+  void check(P& clearance, const Side& side, double step, const Surfaces& value0, const Surfaces& rate0, const Surfaces& value1,
+             const Surfaces& rate1) const {
+    P least(1.0);
+    for_each_surface(side, [&](const auto& oriented) {
+      const P h0 = oriented(value0), h1 = oriented(value1), low = min(h0, h1), high = max(h0, h1);
+      const P swing = (step / 3) * max(abs(oriented(rate0)), abs(oriented(rate1)));
+      least = min(least, (1 + margin) * low - margin * high - (1 + 4 * margin) * swing);
     });
-    for_each_index(f_.sides, f_.surfaces, [&](auto m) { check_one(value0[m], rate0[m], value1[m], rate1[m]); });
+    if (any(!(least > P(0.0)))) check_coefficients(clearance, side, step, value0, rate0, value1, rate1);
     // Past a pole f has values again, and a stage may have been there: a step must not go half of the way to it.
-    for_each_index(f_.kinks_end, f_.sides, [&](auto m) {
-      const P h0 = sides[m] * value0[m], h1 = sides[m] * value1[m], ahead = h0 + step * (sides[m] * rate0[m]);
+    for_each_index(f_[0]->kinks_end, f_[0]->sides, [&](auto m) {
+      const P h0 = side[m] * value0[m], h1 = side[m] * value1[m], ahead = h0 + step * (side[m] * rate0[m]);
       clearance = min(clearance, min(h1, ahead) - 0.5 * h0);
     });
   }
 
-  const Equation& f_;
+  [[gnu::noinline]] void check_coefficients(P& clearance, const Side& side, double step, const Surfaces& value0,
+                                            const Surfaces& rate0, const Surfaces& value1, const Surfaces& rate1) const {
+    for_each_surface(side, [&](const auto& oriented) {
+      const P h0 = oriented(value0), h1 = oriented(value1), rise = (step / 3) * oriented(rate0),
+              fall = (step / 3) * oriented(rate1), b1 = h0 + rise, b2 = h1 - fall;
+      const P least = margin * (abs(rise) + abs(b2 - b1) + abs(fall));
+      clearance = min(clearance, min(min(b1, b2) - least, min(h0, h1)));
+    });
+  }
+
+  // Of all that the plan has not dealt with; `use` is given what turns the surfaces' values so that the trajectory's side is
+  // positive.
+  void for_each_surface(const Side& side, auto&& use) const {
+    const Equation& f = *f_[0];
+    for_each_index(f.sides, [&](auto m) {
+      if (!planned(f, f.dependence, m)) use([&](const Surfaces& of) { return side[m] * of[m]; });
+    });
+    for_each_index(f.sides, f.surfaces, [&](auto m) { use([&](const Surfaces& of) { return of[m]; }); });
+  }
+
+  std::array<const Equation*, K> f_;
 };
+
+// One pack.
+template <class Method, class M, class P, class Source = Computed>
+Replayed<P> replay(const StateEquation<M, P>& equation, typename StateEquation<M, P>::State& x,
+                   const std::vector<Stretch<M>>& stretches, Source shared = {}) {
+  std::array<typename StateEquation<M, P>::State, 1> packs{x};
+  const auto replayed = Replay<M, P, Method>({&equation}).run(packs, stretches, shared);
+  x = packs[0];
+  return replayed[0];
+}
 
 }  // namespace fisherpoint

@@ -99,47 +99,86 @@ template <class Method, class Equation, class P>
   return outcome.status;
 }
 
-// With `strict` the work ends at the first node that is not ok; otherwise such nodes count with weight zero.
-template <class P, class Method, class M>
-auto sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorNodes& nodes, std::size_t begin, std::size_t end,
-                    const Tolerance& tolerance, bool strict, double* y) {
-  constexpr int width = lanes_of<P>::width;
-  using Equation = StateEquation<M, P>;
-  const auto shape = shape_of(model);
-  const auto n_y = shape.outputs;
-  using N = std::remove_const_t<decltype(n_y)>;
-  typename Equation::State start, x;
-  typename Equation::Input input;
-  typename Equation::Theta theta;
-  fit(start, shape.states);
-  fit(input, shape.inputs);
-  fit(theta, shape.parameters);
-  set_lanes(start, point.x0);
-  set_lanes(input, point.u);
+// The packs whose trajectories are replayed side by side. A tape's packs are wide.
+template <class M>
+inline constexpr int packs_side_by_side = 1;
+template <Model M>
+inline constexpr int packs_side_by_side<M> = 2;
 
-  Chunk<N> chunk(n_y);
-  DeviationSum<P, N> sum(n_y);
-  P absolute_weight(0.0);
-  NodePacks<P> packs(nodes, begin, end);
-  for (std::size_t first = begin; first < end; first += width) {
-    P weight, duration(0.0), counts(0.0);  // positive in the lanes of nodes that are not lost
-    const int used = packs.next(theta, weight);
+// The sum over a part of the nodes of one point. With `strict` it ends at the first node that is not ok; otherwise such nodes
+// count with weight zero.
+template <class P, class Method, class M>
+class SumOverNodes {
+  using Equation = StateEquation<M, P>;
+  using State = typename Equation::State;
+  static constexpr int width = lanes_of<P>::width, side_by_side = packs_side_by_side<M>;
+  using N = std::remove_const_t<decltype(Shape<M>::outputs)>;
+
+ public:
+  SumOverNodes(const M& model, const PointOverPrior<M>& point, const Tolerance& tolerance, bool strict)
+      : model_(model),
+        shape_(shape_of(model)),
+        point_(point),
+        tolerance_(tolerance),
+        strict_(strict),
+        sum_(shape_.outputs),
+        chunk_(shape_.outputs) {
+    fit(start_, shape_.states);
+    set_lanes(start_, point.x0);
+  }
+
+  // Of the nodes from `begin` to `end`; their outputs go to `y`, unless that is null.
+  Chunk<N> over(const PriorNodes& nodes, std::size_t begin, std::size_t end, double* y) {
+    typename Equation::Input input;
+    typename Equation::Theta theta;
+    fit(input, shape_.inputs);
+    fit(theta, shape_.parameters);
+    set_lanes(input, point_.u);
+    NodePacks<P> packs(nodes, begin, end);
+    for (std::size_t at = begin; at < end;) {
+      std::array<std::optional<Equation>, side_by_side> equation;
+      std::array<const Equation*, side_by_side> equations;
+      std::array<State, side_by_side> x;
+      std::array<P, side_by_side> weight;
+      std::array<int, side_by_side> used{};
+      std::size_t next = at;
+      for (int q = 0; q < side_by_side; ++q) {
+        if (next < end) next += used[q] = packs.next(theta, weight[q]);  // else the nodes of the pack before once more
+        equations[q] = &equation[q].emplace(model_, theta, input);
+        x[q] = start_;
+      }
+      std::array<mask_of_lanes<P>, side_by_side> believed;
+      believed.fill(lanes_of<P>::none());
+      if (point_.plan) {
+        const auto replayed = Replay<M, P, Method, side_by_side>(equations).run(x, point_.plan->stretches,
+                                                                                Remembered{point_.plan->shared.data()});
+        for (int q = 0; q < side_by_side; ++q) believed[q] = point_.plan->believed(replayed[q]);
+      }
+      for (int q = 0; q < side_by_side && used[q] > 0; ++q) {
+        if (!add(*equations[q], x[q], believed[q], weight[q], used[q], y ? y + at * shape_.outputs : nullptr)) return chunk_;
+        at += used[q];
+      }
+    }
+    chunk_.sum.add_lanes(sum_);
+    for (int lane = 0; lane < width; ++lane) chunk_.absolute_weight += lanes_of<P>::get(absolute_weight_, lane);
+    return chunk_;
+  }
+
+ private:
+  // Adds a pack whose trajectories end at x where they are believed, and are integrated adaptively elsewhere. Returns whether
+  // to go on.
+  bool add(const Equation& equation, State& x, const mask_of_lanes<P>& believed, P& weight, int used, double* y) {
+    P duration(0.0), counts(0.0);              // positive in the lanes of nodes that are not lost
     for (int lane = 0; lane < used; ++lane) {  // the lanes behind the last node rest
       lanes_of<P>::set(counts, lane, 1.0);
-      lanes_of<P>::set(duration, lane, point.dt);
+      lanes_of<P>::set(duration, lane, point_.dt);
     }
-    const Equation equation(model, theta, input);
-    x = start;
-    absolute_weight += abs(weight);
-    auto believed = lanes_of<P>::none();
-    if (point.plan)
-      believed = point.plan->believed(
-          Replay<M, P, Method>(equation).run(x, point.plan->stretches, Remembered{point.plan->shared.data()}));
+    absolute_weight_ += abs(weight);
     std::array<Status, width> status{};
     if (any(!believed & (duration > P(0.0)))) {
       duration = select(believed, P(0.0), duration);
-      for (int lane = 0; lane < width; ++lane) chunk.redone += lanes_of<P>::get(duration, lane) > 0.0;
-      status = redo<Method>(equation, tolerance, start, duration, P(point.first_step), x);
+      for (int lane = 0; lane < width; ++lane) chunk_.redone += lanes_of<P>::get(duration, lane) > 0.0;
+      status = redo<Method>(equation, tolerance_, start_, duration, P(point_.first_step), x);
     }
     auto deviation = equation.output(x);
     const mask_of_lanes<P> outside = outside_of_output<P>(equation, x);
@@ -150,28 +189,37 @@ auto sum_over_nodes(const M& model, const PointOverPrior<M>& point, const PriorN
           status[lane] = lanes_of<P>::get(outside, lane) ? Status::left_domain : Status::not_finite;
     for (int lane = 0; lane < width; ++lane) {
       if (status[lane] == Status::ok) continue;
-      if (chunk.status == Status::ok) chunk.status = status[lane];
-      if (strict) return chunk;
-      chunk.lost += std::abs(lanes_of<P>::get(weight, lane));
+      if (chunk_.status == Status::ok) chunk_.status = status[lane];
+      if (strict_) return false;
+      chunk_.lost += std::abs(lanes_of<P>::get(weight, lane));
       lanes_of<P>::set(weight, lane, 0.0);
       lanes_of<P>::set(counts, lane, 0.0);
     }
+    const auto n_y = shape_.outputs;
     if (y)
-      for (int lane = 0; lane < used; ++lane) get_lane(deviation, lane, y + (first + lane) * n_y);
+      for (int lane = 0; lane < used; ++lane) get_lane(deviation, lane, y + lane * n_y);
     for_each_index(n_y, [&](auto i) {
       if (equation.dependence.output_depends(i))
-        deviation[i] -= P(point.nominal_y[i]);
+        deviation[i] -= P(point_.nominal_y[i]);
       else
         deviation[i] = P(0.0);  // not even by the rounding of other steps
     });
     if (any(!(counts > P(0.0))))  // where a trajectory has no end, there may be no output
       for_each_index(n_y, [&](auto i) { deviation[i] = select(counts > P(0.0), deviation[i], P(0.0)); });
-    sum.add(deviation, n_y, weight);
+    sum_.add(deviation, n_y, weight);
+    return true;
   }
-  chunk.sum.add_lanes(sum);
-  for (int lane = 0; lane < width; ++lane) chunk.absolute_weight += lanes_of<P>::get(absolute_weight, lane);
-  return chunk;
-}
+
+  const M& model_;
+  const decltype(shape_of(std::declval<const M&>())) shape_;
+  const PointOverPrior<M>& point_;
+  const Tolerance& tolerance_;
+  const bool strict_;
+  State start_;
+  DeviationSum<P, N> sum_;
+  P absolute_weight_{0.0};
+  Chunk<N> chunk_;
+};
 
 // The nominal trajectory and, where it is ok, the plan for the others.
 template <class P, class Method, class M>
@@ -233,9 +281,9 @@ void predictive_covariance_packs(const M& model, const Points& points, const dou
     workers.for_each(count, [&](std::size_t item) {
       const std::size_t k = (from + item) / chunks, c = (from + item) % chunks;
       if (out.status[k] != Status::ok || c > failed[k].load(std::memory_order_relaxed)) return;
-      part[item] =
-          sum_over_nodes<P, Method>(model, point[k], nodes, c * chunk_nodes, std::min(nodes.size(), (c + 1) * chunk_nodes),
-                                    tolerance, strict, out.y ? out.y + k * nodes.size() * n_y : nullptr);
+      part[item] = SumOverNodes<P, Method, M>(model, point[k], tolerance, strict)
+                       .over(nodes, c * chunk_nodes, std::min(nodes.size(), (c + 1) * chunk_nodes),
+                             out.y ? out.y + k * nodes.size() * n_y : nullptr);
       if (!strict || part[item].status == Status::ok) return;
       std::size_t known = failed[k].load();
       while (c < known && !failed[k].compare_exchange_weak(known, c)) {
