@@ -53,8 +53,10 @@ struct HydraulicCylinder {
       const auto& [motion, spool] = side;
 
       const auto opening = x_v * heaviside(spool), closing = -(x_v * heaviside(-spool));  // x_v H(x_v), -x_v H(-x_v)
-      const auto s_A = sqrt(p_s - p_A), t_A = sqrt(p_A - p_t);                            // supply to A, A to tank
-      const auto s_B = sqrt(p_s - p_B), t_B = sqrt(p_B - p_t);
+      const auto s_A = sqrt(p_s - p_A);                                                   // supply to A
+      const auto t_A = sqrt(p_A - p_t);                                                   // A to tank
+      const auto s_B = sqrt(p_s - p_B);
+      const auto t_B = sqrt(p_B - p_t);
 
       const auto tau_f = a_tau * motion + b_tau * v;           // (19c)
       const auto Q_A = B_v * (opening * s_A - closing * t_A);  // (19d)
@@ -63,10 +65,11 @@ struct HydraulicCylinder {
       const auto Q_LB = c_L * (s_B - t_B);                     // (19g)
       const auto V_A = A_A * (q - q_min) + V_0A;               // (19h)
       const auto V_B = A_B * (q_max - q) + V_0B;               // (19i)
+      const auto E_by_VV = E_oil / (V_A * V_B);                // one division, which is slow, for E_oil / V_A and E_oil / V_B
 
       return std::tuple{v,  // (19a)
-                        per_mass * (A_A * p_A - A_B * p_B - tau_f), E_oil / V_A * (Q_A + Q_LA - v * A_A),
-                        E_oil / V_B * (Q_B + Q_LB + v * A_B), (k_u * u - x_v) * spool_rate};
+                        per_mass * (A_A * p_A - A_B * p_B - tau_f), V_B * E_by_VV * (Q_A + Q_LA - v * A_A),
+                        V_A * E_by_VV * (Q_B + Q_LB + v * A_B), (k_u * u - x_v) * spool_rate};
     };
   }
 
