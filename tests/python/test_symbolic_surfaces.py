@@ -60,11 +60,11 @@ def model(rate: str, **changes: Any) -> fp.SymbolicModel:
         # from the inside out: f jumps at v = 0 only by way of the other surface
         ("abs(abs(x) - 1)", [], ["x", "abs(x) - 1"]),
         ("sign(x + sign(v))", ["v", "x + sign(v)"], []),
-        # of which the condition is zero on all of a side
-        ("x*heaviside(x*heaviside(x))", ["x*heaviside(x)"], ["x"]),
-        ("where(max(x, 0) > 0, x, 0)", ["max(0, x)"], ["x"]),
-        ("max(x, 0)*heaviside(a*max(x, 0))", [], ["x", "a*max(0, x)"]),
-        ("max(heaviside(x)*x, 0)", [], ["x", "x*heaviside(x)"]),
+        # the condition is zero on all of a side
+        ("x*heaviside(x*heaviside(x))", [], ["x"]),
+        ("where(max(x, 0) > 0, x, 0)", [], ["x"]),
+        ("max(x, 0)*heaviside(a*max(x, 0))", [], ["x"]),
+        ("max(heaviside(x)*x, 0)", [], ["x"]),
         # what no state enters cannot be crossed
         ("sign(u)*x + abs(a)*x + max(u, a)*x", [], []),
         ("sign(2 + sign(v))*x", [], ["v"]),

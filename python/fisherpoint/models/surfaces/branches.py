@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import sympy
@@ -95,11 +96,14 @@ class Branches:
             side = self._side(part.args[0], args[0], seamless=True)
             return remade(part, args) if side is None else side * args[0]
         if isinstance(part, sympy.sign | sympy.Heaviside):
-            side = self._side(part.args[0], args[0])
-            if isinstance(part, sympy.Heaviside):
-                return Select(args[0], 1, 0) if side is None else _by_sign(side, sympy.S.One, sympy.S.Zero)
-            return remade(part, args) if side is None else side
+            return self._by_size(part.args[0], args[0], sympy.S.Zero, partial(self._sign, part))
         return remade(part, args)
+
+    def _sign(self, part: Any, written: Any, value: Any) -> Any:
+        side = self._side(written, value)
+        if isinstance(part, sympy.Heaviside):
+            return Select(value, 1, 0) if side is None else _by_sign(side, sympy.S.One, sympy.S.Zero)
+        return remade(part, (value,)) if side is None else side
 
     def _extreme(self, part: Any) -> Any:
         """The largest or smallest argument, two by two; what reads the state comes first, so that "h - 2" is said, not "2 - h"."""
@@ -107,14 +111,19 @@ class Branches:
         written, value = first, self._known[first]
         for other in others:
             new = self._known[other]
-            a, b = (value, new) if isinstance(part, sympy.Max) else (new, value)
-            side = self._side(written - other, value - new, seamless=True)
-            if side is not None:
-                value = _by_sign(side, a, b)
-            elif value != new:
-                value = remade(part, (value, new))
+            if new == 0:
+                value = self._by_size(written, value, new, partial(self._of_two, part, new), scaled=True)
+            else:
+                value = self._of_two(part, new, written - other, value)
             written = part.func(written, other, evaluate=False)
         return value
+
+    def _of_two(self, part: Any, new: Any, written: Any, value: Any) -> Any:
+        """The larger or smaller of two values, whose difference is as written."""
+        side = self._side(written, value - new, seamless=True)
+        if side is not None:
+            return _by_sign(side, *((value, new) if isinstance(part, sympy.Max) else (new, value)))
+        return value if value == new else remade(part, (value, new))
 
     def _branch(self, condition: Any, yes: Any, no: Any) -> Any:
         """yes where the condition holds, else no."""
@@ -140,14 +149,48 @@ class Branches:
 
     def _compare(self, comparison: Any, yes: Any, no: Any) -> Any:
         left, right = comparison.args
-        difference = self._known[left] - self._known[right]
-        side = self._side(left - right, difference)
         greater = isinstance(comparison, sympy.StrictGreaterThan | sympy.GreaterThan)
-        if side is not None:
-            return _by_sign(side, *((yes, no) if greater else (no, yes)))
-        if isinstance(comparison, sympy.StrictGreaterThan | sympy.StrictLessThan):
-            return Select(difference if greater else -difference, yes, no)
-        return Select(-difference if greater else difference, no, yes)
+        strict = isinstance(comparison, sympy.StrictGreaterThan | sympy.StrictLessThan)
+        above, below = (yes, no) if greater else (no, yes)
+
+        def branch(written: Any, difference: Any) -> Any:
+            side = self._side(written, difference)
+            if side is not None:
+                return _by_sign(side, above, below)
+            return Select(difference, above, below) if greater == strict else Select(-difference, below, above)
+
+        return self._by_size(left - right, self._known[left] - self._known[right], no if strict else yes, branch)
+
+    def _by_size(self, written: Any, value: Any, of_zero: Any, use: Callable[[Any, Any], Any], scaled: bool = False) -> Any:
+        """use(written, value), which depends on the value's sign; `of_zero` in a branch where it is zero as a whole.
+
+        As a surface such a value would be one on which trajectories lie, instead of crossing it. What `use` returns is in
+        proportion to the value, or does not depend on its size.
+        """
+        if (found := _zero_branch(value)) is None:
+            return use(written, value)
+        rest, branch = found
+        condition, a, b = branch.args
+        inside = b if a == 0 else a
+        sign = self._sign_within(inside, condition, a != 0)
+        other = rest * inside if sign == 0 else sign * rest
+        taken = self._by_size(self._as_written(other), other, of_zero, use, scaled)
+        if sign != 0 and scaled:
+            return taken * (sign * branch)
+        return Select(condition, *((of_zero, taken) if a == 0 else (taken, of_zero)))
+
+    def _as_written(self, product: Any) -> Any:
+        factors = sympy.Mul.make_args(product)
+        return sympy.Mul(*(self.origin.get(self.merged(factor), factor) for factor in factors))
+
+    def _sign_within(self, value: Any, condition: Any, holds: bool) -> int:
+        """1 or -1 where the value has that sign wherever a side is positive, or is not; 0 where that is not known."""
+        form, sign = normal_form(self.merged(value))
+        side, second, orientation = self._by_form.get(form, (None, None, 0))
+        for turned in (1, -1):
+            if side is not None and condition in (turned * side, turned * second):
+                return int(turned * sign * orientation * (1 if holds else -1))
+        return 0
 
     def _side(self, written: Any, condition: Any, seamless: bool = False) -> Any:
         """The side, or its negative, of the surface where the condition is zero; None where the state does not enter."""
@@ -177,6 +220,15 @@ class Branches:
             if (sign := self._multiples.sign(condition, self.merged(surface.expression))) is not None:
                 return (surface.side, seconds[surface.side]), sign
         return None
+
+
+def _zero_branch(value: Any) -> tuple[Any, Select] | None:
+    """A product as the rest and a factor that is a branch of which one part is zero; None where it has none."""
+    factors = sympy.Mul.make_args(value)
+    for place, factor in enumerate(factors):
+        if isinstance(factor, Select) and any(part == 0 for part in factor.args[1:]):
+            return sympy.Mul(*factors[:place], *factors[place + 1 :]), factor
+    return None
 
 
 def _by_sign(side: Any, a: Any, b: Any) -> Any:

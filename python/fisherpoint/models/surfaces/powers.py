@@ -52,9 +52,9 @@ class Powers:
         factors = sympy.Mul.make_args(power.base)
         for place, factor in enumerate(factors):
             rest = sympy.Mul(*factors[:place], *factors[place + 1 :])
-            for value, other in ((factor, rest), (-factor, -rest)):
-                if any(self._is_positive_past(value, edge) for edge in edges):
-                    return other**power.exp * sympy.Abs(value) ** power.exp
+            for edge in edges:
+                if (sign := self._sign_past(factor, edge)) != 0:
+                    return (sign * rest) ** power.exp * sympy.Abs(factor) ** power.exp
         return power
 
     def _is_side(self, condition: Any) -> bool:
@@ -64,6 +64,9 @@ class Powers:
         factors = sympy.Mul.make_args(base)
         for place, factor in enumerate(factors):
             rest = sympy.Mul(*factors[:place], *factors[place + 1 :])
+            if isinstance(factor, sympy.Min) and any(is_number(argument, 0) for argument in factor.args):
+                turned = sympy.Max(*(-argument for argument in factor.args), evaluate=False)
+                return self._power(-rest * turned, exponent)
             if isinstance(factor, sympy.Max) and any(is_number(argument, 0) for argument in factor.args):
                 others = [argument for argument in factor.args if not is_number(argument, 0)]
                 larger = others[0] if len(others) == 1 else sympy.Max(*others, evaluate=False)
@@ -71,14 +74,26 @@ class Powers:
             if isinstance(factor, Select) and any(is_number(branch, 0) for branch in factor.args[1:]):
                 condition, a, b = factor.args
                 value, edge = (a, condition) if is_number(b, 0) else (b, -condition)
-                if self._is_positive_past(value, edge):
-                    past = self._power(rest, exponent) * sympy.Abs(value) ** exponent
+                if (outer := self._sign_past(value, edge)) != 0:
+                    past = self._power(outer * rest, exponent) * sympy.Abs(value) ** exponent
                 else:
                     past = self._power(rest * value, exponent)
                 return Select(condition, *((past, 0) if is_number(b, 0) else (0, past)))
+            if isinstance(factor, sympy.Max | sympy.Min) and any(map(_may_be_zero, factor.args)):
+                first, *others = factor.args
+                other = factor.func(*others, evaluate=False) if len(others) > 1 else others[0]
+                larger = first - other if isinstance(factor, sympy.Max) else other - first
+                return Select(larger, self._power(rest * first, exponent), self._power(rest * other, exponent))
+            if isinstance(factor, Select) and _may_be_zero(factor):
+                condition, *branches = factor.args
+                return Select(condition, *(self._power(rest * branch, exponent) for branch in branches))
             if self._is_positive_past(rest, factor):  # side * x is |x|
                 return sympy.Abs(rest) ** exponent
         return base**exponent
+
+    def _sign_past(self, value: Any, edge: Any) -> int:
+        """1 or -1 where the value is zero on the surface of a side and has that sign where the side is one; else 0."""
+        return next((sign for sign in (1, -1) if self._is_positive_past(sign * value, edge)), 0)
 
     def _is_positive_past(self, value: Any, edge: Any) -> bool:
         """Whether the value is zero on the surface of a side, or of what is minus one, and positive where that is."""
@@ -87,3 +102,13 @@ class Powers:
             return False
         form, orientation = self._forms[sign * edge]
         return normal_form(value) == (form, sign * orientation)
+
+
+def _may_be_zero(value: Any) -> bool:
+    """Whether a factor is zero on a whole branch."""
+    for factor in sympy.Mul.make_args(value):
+        if isinstance(factor, Select) and any(part == 0 or _may_be_zero(part) for part in factor.args[1:]):
+            return True
+        if isinstance(factor, sympy.Max | sympy.Min) and any(part == 0 or _may_be_zero(part) for part in factor.args):
+            return True
+    return False
