@@ -169,11 +169,11 @@ def show_scaling(found: Sequence[Series]) -> None:
 
 
 def show_cost(now: cost.Cost, before: cost.Cost) -> None:
-    """Print one row per kind of work."""
-    grown = cost.changes(now.instructions, before.instructions)
-    rows = [(kind, f"{before.instructions[kind]:,}", f"{now.instructions[kind]:,}", f"{grown[kind]:+.1%}") for kind in grown]
-    header = ("", f"recorded, {before.compiler}", f"now, {now.compiler}", "change")
-    _show("Instructions per trajectory, x86-64-v3", header, rows)
+    """Print a row per kind of work: what each event counts now, and how that differs from the record."""
+    grown = cost.changes(now.counts, before.counts)
+    events = tuple(cost.EVENTS.values())
+    rows = [(kind, *(f"{counts[event]:,.0f} ({grown[kind, event]:+.1%})" for event in events)) for kind, counts in now.counts.items()]
+    _show(f"Per trajectory, x86-64-v3, caches of 32 kB, {now.compiler}; the record is of {before.compiler}", ("", *events), rows)
 
 
 def show_runs(figures: Sequence[RunFigures]) -> None:

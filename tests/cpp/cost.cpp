@@ -1,13 +1,18 @@
-// Fixed work, whose instructions `python -m bench cost` counts under valgrind: one kind of it per run, named on the command
-// line. What `counted` calls is what counts; it prints the number of trajectories and the compiler.
+// Fixed work, whose instructions and cache misses `python -m bench cost` counts under valgrind: one kind of it per run, named
+// on the command line, for `search` with the file of its points behind it. What `counted` calls is what counts; it prints the
+// number of trajectories and the compiler.
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <functional>
+#include <sstream>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include "fisherpoint/kernels/predictive_covariance.hpp"
+#include "fisherpoint/kernels/run_sensitivities.hpp"
 #include "fisherpoint/kernels/sensitivities.hpp"
 #include "fisherpoint/kernels/simulate.hpp"
 #include "fisherpoint/models/hydraulic_cylinder.hpp"
@@ -64,6 +69,22 @@ Batch spread(int count) {
   return batch;
 }
 
+// Those of a file: a head, then q, v, p_A, p_B, x_v, u, dt in each line.
+Batch of_file(const char* name) {
+  Batch batch;
+  std::ifstream file(name);
+  std::string line;
+  std::getline(file, line);
+  while (std::getline(file, line)) {
+    std::istringstream values(line);
+    std::array<double, 7> row{};
+    char comma;
+    for (double& value : row) values >> value >> comma;
+    batch.add(row);
+  }
+  return batch;
+}
+
 // Three values of every parameter but the last.
 PriorGrid tensor() {
   std::vector<Axis> axes;
@@ -108,33 +129,62 @@ std::size_t covariances(const Batch& batch, const PriorNodes& nodes) {
   return count * nodes.size();
 }
 
-std::size_t trajectories(const Batch& batch, bool sensitive) {
+enum class Asked { states, columns, rows };
+
+std::size_t trajectories(const Batch& batch, Asked asked) {
   const std::size_t count = batch.dt.size();
   std::vector<double> x(5 * count), y(4 * count), lasted(count), dx(45 * count), dy(36 * count);
   std::vector<Status> status(count);
   const Parameters parameters{cylinder_theta.data(), false};
   counted([&] {
-    if (sensitive)
-      sensitivities(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
-                    {x.data(), y.data(), dx.data(), dy.data(), status.data()});
-    else
+    if (asked == Asked::states)
       simulate(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
                {x.data(), y.data(), status.data(), lasted.data()});
+    else
+      sensitivities(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
+                    {x.data(), y.data(), asked == Asked::columns ? dx.data() : nullptr, dy.data(), status.data()});
   });
   return count;
+}
+
+// Runs of the cylinder through both sides of the valve, all of whose segments are measured. A trajectory is a segment.
+std::size_t runs() {
+  constexpr std::size_t count = 8, segments = 24;
+  std::vector<double> x0, u, dt(count * segments, 4e-3);
+  for (std::size_t k = 0; k < count; ++k) {
+    x0.insert(x0.end(), {0.1 + 0.01 * k, 0.02, 8e6, 9e6, 0.1});
+    for (std::size_t n = 0; n < segments; ++n) u.push_back(0.3 * std::sin(0.7 * n + k));
+  }
+  std::vector<double> x(count * (segments + 1) * 5), y(count * segments * 4), dx(count * segments * 45),
+      dy(count * segments * 36);
+  std::vector<Status> status(count);
+  std::vector<std::int64_t> reached(count);
+  const std::vector<unsigned char> measured(count * segments, 1);
+  counted([&] {
+    run_sensitivities(HydraulicCylinder{}, {count, segments, x0.data(), u.data(), dt.data(), false}, {nullptr, measured.data()},
+                      {cylinder_theta.data(), false}, {}, Workers(1),
+                      {x.data(), y.data(), dx.data(), dy.data(), status.data(), reached.data()});
+  });
+  std::size_t done = 0;
+  for (const std::int64_t n : reached) done += n;
+  return done;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::string_view kind = argc == 2 ? argv[1] : "";
+  const std::string_view kind = argc >= 2 ? argv[1] : "";
   std::size_t done = 0;
   if (kind == "tensor") done = covariances(candidates(), tensor());
   if (kind == "sparse") done = covariances(candidates(), sparse());
-  if (kind == "simulate") done = trajectories(spread(400), false);
-  if (kind == "sensitivities") done = trajectories(spread(400), true);
+  if (kind == "simulate") done = trajectories(spread(400), Asked::states);
+  if (kind == "columns") done = trajectories(spread(400), Asked::columns);
+  if (kind == "rows") done = trajectories(spread(400), Asked::rows);
+  if (kind == "search" && argc == 3) done = trajectories(of_file(argv[2]), Asked::rows);
+  if (kind == "runs") done = runs();
   if (done == 0) {
-    std::fputs("expected tensor, sparse, simulate or sensitivities, and candidates that survive\n", stderr);
+    std::fputs("expected tensor, sparse, simulate, columns, rows, search and a file, or runs, and candidates that survive\n",
+               stderr);
     return 1;
   }
 #if defined(__clang__)
