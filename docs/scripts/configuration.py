@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import fisherpoint as fp
+from fisherpoint.basics.options import keys_of, options_of
 from fisherpoint.design.file.configuration import Config
 from fisherpoint.design.goal.goal import Goal
-from fisherpoint.design.goal.options import keys_of, options_of
 from fisherpoint.design.results.settings import ExchangeMethod, ExchangeSettings
 
 PAGE = Path(__file__).resolve().parents[1] / "reference" / "configuration.md"

@@ -18,6 +18,8 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from ...basics.checks import as_path
+from ...basics.options import keys_of as keys_of_options
+from ...basics.options import options_of
 from ...basics.quantity import names_of
 from ...basics.toml_data import read_toml
 from ...basics.toml_messages import MOST_LINES, ConfigError, describe, fail_of
@@ -30,8 +32,6 @@ from ...points.run_region import RunRegion
 from ...prior.gaussian import GaussianPrior
 from ...prior.rules import Rule
 from ..goal.goal import Goal
-from ..goal.options import keys_of as keys_of_options
-from ..goal.options import options_of
 from ..results.cost import Cost
 from ..results.settings import ExchangeMethod, ExchangeSettings, RunSettings
 from .configuration_checks import mistakes_between, pair_of, valid_tables

@@ -11,6 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from ...basics.checks import percentage
 from ...basics.messages import listed
+from ...basics.options import Key, keys_of
 from ...basics.quantity import Quantity
 from ...basics.toml_messages import fail, toml
 from ...basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
@@ -21,7 +22,6 @@ from ...points.settings import COARSEST, FINEST
 from ...prior.gaussian import MOST_RELATIVE_STD
 from ...prior.rules import DEFAULT_RULE, RULES, Rule
 from ..goal.goal import Goal
-from ..goal.options import Key, keys_of
 from ..results.cost import Cost
 from ..results.settings import MOST, ExchangeMethod, ExchangeSettings
 

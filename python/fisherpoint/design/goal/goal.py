@@ -1,7 +1,8 @@
 """The goal of a design: the criterion with what it needs, over which parameters, beside what, and what to do where it is singular.
 
-Each search takes a `Goal`, or the name of a criterion. What a new part of the goal needs stands here: its field with default, words
-and key in the TOML file, its check, and which searches cannot have it.
+Each search takes a `Goal`, or the name of a criterion. What an option of the goal needs stands here: its field with default, words
+and key in the TOML file, its check, and which searches cannot have it. What it changes in the criterion, and in the information
+that counts, stands in `goal_criterion.py`.
 """
 
 from __future__ import annotations
@@ -11,10 +12,9 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any
 
 from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choice, check_flag, check_name, check_type
-from ...basics.options import Options
+from ...basics.options import Key, Options, option, options_of
 from ...points.experiments import Experiments
 from ...prior.rules import Sobol
-from .options import Key, option
 from .over_prior import KINDS, OverPrior
 
 WORDS = {
@@ -53,14 +53,12 @@ UNABLE: Mapping[str, Mapping[str, str]] = {
         "confidence": NO_PLANTS,
     },
     "exact_design": {"criterion 'ME'": NO_BOUND, "over": "its bounds are of the prior mean", "confidence": NO_PLANTS},
-    "design_pieces": {
-        **{f"criterion {name!r}": "windows are picked by log det F" for name in CRITERIA[1:]},
-        "over": "windows are picked at the prior mean",
-        "prior_information": "windows are picked by what they say themselves",
-        "confidence": "windows were measured, and can be run",
-    },
+    "design_pieces": {"confidence": "windows were measured, and can be run"},
 }
-"""What searches cannot have in a goal, and why; what the others cannot have depends on the problem."""
+"""What searches cannot have in a goal, and why; what `exchange` cannot have depends on the problem."""
+
+BY_LOG_DET = {"design_pieces": "windows are picked by log det F of what they say themselves, at the prior mean"}
+"""Searches that can have no criterion but log det F, and why."""
 
 
 @dataclass(frozen=True)
@@ -129,23 +127,25 @@ class Goal(Options):
     )
     over: OverPrior | None = option(
         None,
-        "criterion over the prior",
+        "over the prior",
         Key(
             str,
             "What is maximised [over the prior](../how_to/over_prior.md), not at its mean alone: the mean of the criterion over"
             " scenarios, the smallest, or the mean of the worst `share` of them.",
             choices=KINDS,
         ),
+        shown=lambda over: f"{over.described_with('criterion')}, {over.named_scenarios}",
         scenarios=Key(int, "Number of these scenarios, a power of two; nodes of a Sobol rule.", least=1, default="`8`"),
         share=Key(float, 'Share of the scenarios of `"cvar"`.', above=0, most=1, default="`0.25`"),
     )
     prior_information: bool = option(
         False,
-        "the prior's information counts",
+        "prior information",
         Key(
             bool,
             "Whether the [prior's information](../how_to/criteria.md#what-the-prior-knows) counts beside that of the measurements.",
         ),
+        shown=lambda _: "counts once beside the data, in the criterion, its bounds and the standard errors",
     )
     singular: str = option(
         "estimable",
@@ -158,7 +158,7 @@ class Goal(Options):
     )
     confidence: float | None = option(
         None,
-        "share of the plants that must be able to run the design",
+        "plants that must be able to run it",
         Key(
             float,
             "Share of the plants that the prior allows which must be able to run"
@@ -239,6 +239,13 @@ class Goal(Options):
         return self.singular == "error" and self.of_all
 
     @property
+    def beyond_log_det(self) -> tuple[str, ...]:
+        """Names of what it has beside log det F at the prior mean, for searches that can have no more; an option is among them."""
+        given = [one.name for one in options_of(Goal) if getattr(self, one.name) != one.default]
+        of_all = (name for name in given if name not in ("singular", "confidence"))
+        return tuple(f"criterion {self.criterion!r}" if name == "criterion" else name for name in of_all)
+
+    @property
     def share_of_plants(self) -> float | None:
         """The share of the plants that must be able to run the design; None where the prior mean is enough."""
         return self.confidence or None
@@ -251,9 +258,24 @@ class Goal(Options):
         words = WORDS[self.criterion]
         if self.of is None:
             return words
-        what = self.of if isinstance(self.of, str) else ", ".join(self.of)
-        named = {"c": f"variance of {what}", "Ds": f"log det of the information about {what}"}
-        return named.get(self.criterion, f"{words} of {what}")
+        named = {"c": f"variance of {self._of}", "Ds": f"log det of the information about {self._of}"}
+        return named.get(self.criterion, f"{words} of {self._of}")
+
+    @property
+    def short(self) -> str:
+        """The criterion by its letters, and of what it is."""
+        return self.criterion if self.of is None else f"{self.criterion} of {self._of}"
+
+    @property
+    def _of(self) -> str:
+        return self.of if isinstance(self.of, str) else ", ".join(self.of or ())
+
+    @property
+    def units(self) -> str:
+        """What errors are compared with, as the end of a sentence about the criterion's value; empty where that is no matter."""
+        if self.scale is not None:
+            return f", with errors in units of {', '.join(f'{size:g} ({name})' for name, size in self.scale.items())}"
+        return ", parameters in units of their prior std" if self.criterion in SCALED else ""
 
     @property
     def objective(self) -> str:
@@ -287,9 +309,11 @@ def goal_of(given: str | Goal, search: str = "") -> Goal:
         given = Goal(given)
     if not isinstance(given, Goal):
         raise TypeError(f"goal: expected the name of a criterion or a Goal, given {type(given).__name__}")
-    for name, why in UNABLE.get(search, {}).items():
-        if _has(given, name):
-            raise ValueError(f"goal: expected one without {name} for fisherpoint.{search}, given one with it: {why}")
+    unable = {name: why for name, why in UNABLE.get(search, {}).items() if _has(given, name)}
+    if search in BY_LOG_DET:
+        unable = dict.fromkeys(given.beyond_log_det, BY_LOG_DET[search]) | unable
+    for name, why in unable.items():
+        raise ValueError(f"goal: expected one without {name} for fisherpoint.{search}, given one with it: {why}")
     return given
 
 

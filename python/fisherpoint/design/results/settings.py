@@ -13,11 +13,11 @@ from ...basics.checks import (
     check_positive_int,
     check_type,
 )
-from ...basics.options import Options
+from ...basics.options import Key, Options, option
 from ...information.output_covariance import needs_covariances
 from ...information.problem import DesignProblem
+from ...show.numbers import number
 from ..goal.goal import Goal, with_default_confidence
-from ..goal.options import Key, option
 
 METHODS = ("paper", "auto")
 
@@ -30,6 +30,10 @@ SEED = Key(int, "Seed of the search; the same seed gives the same design, whatev
 TIME_LIMIT = Key(
     float, "Stop after this many seconds: a safety net, that makes designs differ. Not allowed in a campaign.", above=0
 )
+
+
+def in_seconds(value: float) -> str:
+    return f"{number(value)} s"
 
 
 @dataclass(frozen=True)
@@ -143,7 +147,7 @@ class ExchangeSettings:
         ),
     )
     seed: int = option(0, "seed", SEED, always=True)
-    time_limit: float | None = option(None, "time limit", TIME_LIMIT)
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT, shown=in_seconds)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -165,7 +169,7 @@ class RunSettings:
     n_starts: int = option(8, "starts of the search", always=True)
     n_candidates: int = option(500, "random runs to begin with")
     seed: int = option(0, "seed", SEED, always=True)
-    time_limit: float | None = option(None, "time limit", TIME_LIMIT)
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT, shown=in_seconds)
 
     CONFIDENCE: ClassVar[float] = 0.99
     """Confidence where a goal has none."""
@@ -200,14 +204,9 @@ def check_goal(settings: ExchangeSettings, problem: DesignProblem) -> None:
     """Raise where the search for a problem cannot have the goal: "paper", and other D than R, maximise log det F at the mean."""
     goal, kind, method = settings.goal, str(problem.output_covariance), settings.method.name
     by_auto = searched_by(method, problem) == "auto"
-    others = {
-        "over": goal.over is not None,
-        f"criterion {goal.criterion!r}": goal.criterion != "D",
-        "prior_information": goal.prior_information,
-    }
-    unable = [name for name, given in others.items() if given and not (by_auto and kind == "noise")]
+    unable = () if by_auto and kind == "noise" else goal.beyond_log_det
     if goal.share_of_plants is not None and not by_auto:
-        unable.insert(0, "confidence")
+        unable = ("confidence", *unable)
     if unable:
         name, covariances = unable[0], '"noise" or "region"' if unable[0] == "confidence" else '"noise"'
         raise ValueError(

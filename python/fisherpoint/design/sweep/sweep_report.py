@@ -9,6 +9,7 @@ from ...information.combinations import combinations
 from ...show.numbers import computed, counted, number, percent, percent_down
 from ...show.section import Report, Section
 from ..goal.goal import OF_ALL
+from ..results.settings_section import option_facts
 from ..results.singular_report import GUIDE, ridge_facts
 from .sweep_record import SweptDesigns
 
@@ -66,8 +67,7 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
     notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep.ridge)]
-    if settings.goal.prior_information:
-        notes.append("The prior's information counts once beside the data, in the criterion, its bounds and the errors.")
+    notes += [f"{words}: {value}." for words, value in option_facts(settings.goal, "criterion", "of", "over")]
     if settings.goal.over is not None:
         notes.append("The errors of parameters are those at the prior mean.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
