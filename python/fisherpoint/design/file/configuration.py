@@ -33,9 +33,11 @@ from ...prior.gaussian import GaussianPrior
 from ...prior.rules import Rule
 from ..goal.goal import Goal
 from ..results.cost import Cost
-from ..results.settings import ExchangeMethod, ExchangeSettings, RunSettings
+from ..results.settings import ExchangeMethod, RunSettings
 from .configuration_checks import mistakes_between, pair_of, valid_tables
 from .configuration_tables import (
+    OF_RUNS,
+    OF_SEARCH,
     CampaignTable,
     Correlation,
     CostTable,
@@ -54,7 +56,7 @@ __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
 _PROBLEM_KEYS = set(ProblemKeys.model_fields)
 _OF_METHOD = set(keys_of_options(ExchangeMethod))
-_OF_RUNS = {one.name for one in options_of(RunSettings)} & set(keys_of_options(ExchangeSettings))
+_SHARED = {one.name for one in options_of(RunSettings)} & set(OF_SEARCH)
 
 
 class Config(ModelFile):
@@ -181,8 +183,8 @@ class Config(ModelFile):
 
     def run_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.design_runs`; what the file leaves out is left to its defaults."""
-        search = {} if self.runs is None else self.runs.search()
-        return search | self.design.model_dump(include=_OF_RUNS, exclude_none=True) | {"goal": self.build_goal()}
+        given = {} if self.runs is None else self.runs.model_dump(include=set(OF_RUNS), exclude_none=True)
+        return given | self.design.model_dump(include=_SHARED, exclude_none=True) | {"goal": self.build_goal()}
 
     def build_cost(self) -> Cost | None:
         """What experiments cost, where the file says it."""

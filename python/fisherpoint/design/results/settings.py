@@ -162,11 +162,21 @@ class ExchangeSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """The arguments of `design_runs` that decide its result, and their defaults."""
+    """The arguments of `design_runs` that decide its result, and their defaults; keys that `exchange` has not are in [runs]."""
 
-    n_runs: int = option(1, "runs", always=True)
+    n_runs: int = option(1, "runs", Key(int, "Number of runs of a design.", least=1, most=MOST_OF_RUNS["n_runs"]), always=True)
     goal: Goal = Goal()
-    n_starts: int = option(8, "starts of the search", always=True)
+    n_starts: int = option(
+        8,
+        "starts of the search",
+        Key(
+            int,
+            "How often the search begins anew, from random runs or classical ones. Sets its work.",
+            least=1,
+            most=MOST_OF_RUNS["n_starts"],
+        ),
+        always=True,
+    )
     n_candidates: int = option(500, "random runs to begin with")
     seed: int = option(0, "seed", SEED, always=True)
     time_limit: float | None = option(None, "time limit", TIME_LIMIT, shown=in_seconds)
