@@ -9,7 +9,7 @@ from typing import Any
 import fisherpoint as fp
 from fisherpoint.basics.messages import listed, shortened
 from fisherpoint.basics.result_files import encoded
-from fisherpoint.basics.toml_messages import toml
+from fisherpoint.basics.toml_mistakes import toml
 from fisherpoint.design.file.configuration_tables import OF_RUNS
 from fisherpoint.prior.rules import RULES
 

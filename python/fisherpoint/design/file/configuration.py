@@ -21,11 +21,10 @@ from ...basics.checks import as_path
 from ...basics.options import keys_of as keys_of_options
 from ...basics.options import options_of
 from ...basics.quantity import names_of
-from ...basics.toml_data import read_toml
-from ...basics.toml_messages import MOST_LINES, ConfigError, describe, fail_of
-from ...basics.toml_schema import misplaced_key
+from ...basics.toml_mistakes import MOST_LINES, ConfigError, describe, fail_of, misplaced_key
+from ...basics.toml_reader import read_toml
 from ...information.problem import DesignProblem
-from ...models.toml import ModelFile
+from ...models.toml_to_model import ModelFile
 from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ...points.run_region import RunRegion

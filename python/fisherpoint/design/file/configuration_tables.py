@@ -13,7 +13,7 @@ from ...basics.checks import percentage
 from ...basics.messages import listed
 from ...basics.options import Key, keys_of
 from ...basics.quantity import Quantity
-from ...basics.toml_messages import fail, toml
+from ...basics.toml_mistakes import fail, toml
 from ...basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
 from ...basics.units import convert_unit, same_zero
 from ...models import Model
