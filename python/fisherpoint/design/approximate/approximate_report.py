@@ -8,7 +8,6 @@ from ...basics.quantity import names_of
 from ...information.combinations import combination
 from ...show.numbers import computed, counted, number, percent_down
 from ...show.section import Report, Section
-from ..goal.goal import WORDS
 from ..results.settings_section import option_facts
 from .approximate_weights import ApproximateWeights
 
@@ -70,7 +69,7 @@ def _proof(design: ApproximateWeights) -> Section:
 
 def _values(design: ApproximateWeights) -> Iterator[tuple[str, str]]:
     """The criterion of one experiment, or its average over scenarios, and the smallest and largest of these."""
-    words, over, values = WORDS[design.goal.criterion], design.goal.over, design.scenario_values
+    words, over, values = design.goal.row.words, design.goal.over, design.scenario_values
     if over is None or values is None:
         yield f"{words} of one experiment", computed(design.value, 7)
         return

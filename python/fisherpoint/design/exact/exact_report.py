@@ -9,7 +9,6 @@ from ...information.combinations import combination
 from ...show.numbers import computed, counted, number
 from ...show.section import Report, Section
 from ..approximate.approximate_report import floored
-from ..goal.goal import WORDS
 from ..results.settings_section import option_facts
 from .exact_counts import ExactCounts
 
@@ -38,7 +37,7 @@ def _proof(design: ExactCounts) -> Section:
     facts = [
         ("criterion", goal.short),
         *option_facts(goal, "criterion", "of"),
-        (f"{WORDS[design.goal.criterion]} of all measurements", computed(design.value, 7)),
+        (f"{design.goal.row.words} of all measurements", computed(design.value, 7)),
         (f"efficiency against any {counted(len(design.points), 'measurement')}", f"at least {floored(design.efficiency)}"),
         ("against weights that need not be whole", f"at least {floored(design.of_weights)}"),
         ("among", counted(design.n_candidates, "candidate")),

@@ -15,32 +15,11 @@ from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choic
 from ...basics.options import Key, Options, option, options_of
 from ...points.experiments import Experiments
 from ...prior.rules import Sobol
+from .criterion_table import CRITERIA, CriterionRow
 from .over_prior import KINDS, OverPrior
-
-WORDS = {
-    "D": "log det F",
-    "A": "trace of F^-1",
-    "E": "smallest eigenvalue of F",
-    "ME": "condition number of F",
-    "c": "variance of the function",
-    "Ds": "log det of the information about the subset",
-    "I": "mean prediction variance",
-}
-CRITERIA = tuple(WORDS)
-OF_ALL = ("D", "A", "E", "ME")
-"""Criteria of all parameters; the others are of certain functions of them."""
-
-SCALED = ("A", "E", "ME")
-"""Criteria that depend on how the parameters are scaled."""
-
-MINIMISED = ("A", "c", "I", "ME")
-"""Criteria that are better the smaller they are."""
 
 SINGULAR = ("estimable", "error")
 """What is done where not all parameters can be determined: a design for those that can, or an error."""
-
-NEEDED = {"c": "a function of the parameters as text", "Ds": "names of parameters", "I": "the name of an output"}
-"""What `of` is, by the criteria that need it."""
 
 NO_BOUND = "no bound holds for the condition number, which has no concave form"
 NO_PLANTS = "only fisherpoint.exchange and fisherpoint.design_runs look at the plants of the prior"
@@ -100,7 +79,11 @@ class Goal(Options):
     criterion: str = option(
         "D",
         "criterion",
-        Key(str, "[What the design is to be good for](../how_to/criteria.md): log det F, or another criterion.", choices=CRITERIA),
+        Key(
+            str,
+            "[What the design is to be good for](../how_to/criteria.md): log det F, or another criterion.",
+            choices=tuple(CRITERIA),
+        ),
     )
     _: KW_ONLY
     of: str | tuple[str, ...] | None = option(
@@ -171,7 +154,7 @@ class Goal(Options):
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
-        check_choice(self.criterion, CRITERIA, "criterion")
+        check_choice(self.criterion, tuple(CRITERIA), "criterion")
         if self.of is not None and not isinstance(self.of, str):
             set_field(self, "of", tuple(check_name(one, "of") for one in as_sequence(self.of, "of", "names")))
         if self.conditions is not None:
@@ -190,13 +173,13 @@ class Goal(Options):
 
     def _check_used(self) -> None:
         """Raise where the criterion lacks what it needs, or is given what it does not use."""
-        name = self.criterion
-        if name in NEEDED and self.of is None:
-            raise ValueError(f"of: expected {NEEDED[name]} for criterion {name!r}, given none")
+        name, row = self.criterion, self.row
+        if row.needs and self.of is None:
+            raise ValueError(f"of: expected {row.needs} for criterion {name!r}, given none")
         if name == "I" and self.conditions is None:
             raise ValueError("conditions: expected the points at which criterion 'I' predicts, given none")
-        for label, users in (("of", NEEDED), ("conditions", ("I",)), ("scale", SCALED)):
-            if getattr(self, label) is not None and name not in users:
+        for label, used in (("of", row.needs), ("conditions", name == "I"), ("scale", row.scaled)):
+            if getattr(self, label) is not None and not used:
                 raise ValueError(f"{label}: expected none for criterion {name!r}, given one")
 
     @classmethod
@@ -229,9 +212,14 @@ class Goal(Options):
         return cls(**given)
 
     @property
+    def row(self) -> CriterionRow:
+        """What is said of the criterion."""
+        return CRITERIA[self.criterion]
+
+    @property
     def of_all(self) -> bool:
         """Whether the criterion is of all parameters."""
-        return self.criterion in OF_ALL
+        return self.row.of_all
 
     @property
     def requires_all(self) -> bool:
@@ -255,11 +243,7 @@ class Goal(Options):
     @property
     def named(self) -> str:
         """The criterion as part of a sentence."""
-        words = WORDS[self.criterion]
-        if self.of is None:
-            return words
-        named = {"c": f"variance of {self._of}", "Ds": f"log det of the information about {self._of}"}
-        return named.get(self.criterion, f"{words} of {self._of}")
+        return self.row.words if self.of is None else self.row.named.format(of=self._of)
 
     @property
     def short(self) -> str:
@@ -275,14 +259,14 @@ class Goal(Options):
         """What errors are compared with, as the end of a sentence about the criterion's value; empty where that is no matter."""
         if self.scale is not None:
             return f", with errors in units of {', '.join(f'{size:g} ({name})' for name, size in self.scale.items())}"
-        return ", parameters in units of their prior std" if self.criterion in SCALED else ""
+        return ", parameters in units of their prior std" if self.row.scaled else ""
 
     @property
     def objective(self) -> str:
         """What is maximised at one place of the parameters, as part of a sentence."""
-        if self.criterion in ("D", "Ds"):
+        if self.row.log_det:
             return self.named
-        return f"{'-' if self.criterion in MINIMISED else ''}log({self.named})"
+        return f"{'-' if self.row.minimised else ''}log({self.named})"
 
     @property
     def maximised(self) -> str:

@@ -9,7 +9,6 @@ from typing import TypeAlias
 import numpy as np
 
 from ...show.numbers import computed, percent_down
-from ..goal.goal import SCALED
 from .found_design import FoundDesign
 from .found_runs import FoundRuns
 from .settings_section import option_facts
@@ -29,10 +28,10 @@ def goal_facts(design: ByGoal) -> Iterator[tuple[str, str]]:
         return
     yield "criterion", f"{goal.criterion}: {goal.named}"
     value = computed(design.value, 6) if math.isfinite(design.value) else "infinite: not determined"
-    if goal.criterion in ("c", "I") and math.isfinite(design.value):
+    if goal.row.variance and math.isfinite(design.value):
         value += f", standard deviation {computed(math.sqrt(design.value), 4)}"
     yield "its value with this design", value + goal.units
-    if goal.criterion in SCALED and design.evaluation.null_directions:
+    if goal.row.scaled and design.evaluation.null_directions:
         yield "restricted to", "what the design determines; what it leaves open stands below"
 
 
@@ -57,5 +56,5 @@ def bound_of(design: ByGoal, value: float) -> str:
         return f"{goal.maximised} over the scenarios at most {value:.4f}"
     if goal.criterion == "D":
         return f"log det at most {value:.4f}"
-    side = "at least" if goal.criterion in ("A", "c", "I") else "at most"
+    side = "at least" if goal.row.minimised else "at most"
     return f"{goal.named} {side} {in_units(design, value)}"
