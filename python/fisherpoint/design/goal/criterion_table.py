@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class CriterionRow:
-    """What is said of a criterion; phi is its information function.
+    """Words and kind of a criterion; phi is its information function.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ UNABLE: Mapping[str, Mapping[str, str]] = {
 }
 """What searches cannot have in a goal, and why; what `exchange` cannot have depends on the problem."""
 
-BY_LOG_DET = {"design_pieces": "windows are picked by log det F of what they say themselves, at the prior mean"}
+BY_LOG_DET = {"design_pieces": "windows are picked by log det F of their own information, at the prior mean"}
 """Searches that can have no criterion but log det F, and why."""
 
 
@@ -213,7 +213,7 @@ class Goal(Options):
 
     @property
     def row(self) -> CriterionRow:
-        """What is said of the criterion."""
+        """Words and kind of the criterion."""
         return CRITERIA[self.criterion]
 
     @property
