@@ -18,8 +18,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from ...basics.checks import as_path
-from ...basics.options import keys_of as keys_of_options
-from ...basics.options import options_of
+from ...basics.options import keys_of, options_of
 from ...basics.quantity import names_of
 from ...basics.toml_mistakes import MOST_LINES, ConfigError, describe, fail_of, misplaced_key
 from ...basics.toml_reader import read_toml
@@ -54,7 +53,7 @@ from .configuration_tables import (
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
 _PROBLEM_KEYS = set(ProblemKeys.model_fields)
-_OF_METHOD = set(keys_of_options(ExchangeMethod))
+_OF_METHOD = set(keys_of(ExchangeMethod))
 _SHARED = {one.name for one in options_of(RunSettings)} & set(OF_SEARCH)
 
 
