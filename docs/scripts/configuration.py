@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import fisherpoint as fp
+from fisherpoint.basics.options import options_of
 from fisherpoint.design.file.configuration import Config
+from fisherpoint.design.file.configuration_tables import OF_GOAL, OF_RUNS, OF_SEARCH
 from fisherpoint.design.goal.goal import Goal
-from fisherpoint.design.goal.options import keys_of, options_of
 from fisherpoint.design.results.settings import ExchangeMethod, ExchangeSettings
 
 PAGE = Path(__file__).resolve().parents[1] / "reference" / "configuration.md"
@@ -42,8 +43,8 @@ is short for `x_v = { value = 1e-3 }`, as is `u = [-1, 1]` in `[region]` for its
 unit.
 """
 
-GOAL, SEARCH = keys_of(Goal), keys_of(ExchangeSettings, ExchangeMethod)
-MEANINGS = {table: {name: key.meaning for name, key in keys.items()} for table, keys in (("goal", GOAL), ("design", SEARCH))}
+OPTIONS = {"goal": OF_GOAL, "design": OF_SEARCH, "runs": OF_RUNS}
+MEANINGS = {table: {name: key.meaning for name, key in keys.items()} for table, keys in OPTIONS.items()}
 
 # Table by table, in the order of the page: the table's introduction, an example, and the meaning of its keys.
 TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
@@ -164,7 +165,6 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         "[runs]\nsegments = 48\nlead_in = 4\nslew = { u = 0.5 }\n",
         {
             "segments": "Number of segments of a run.",
-            "n_runs": "Number of runs of a design.",
             "constant": "Inputs, or `dt`, that stay the same over a run.",
             "shared": "States at the start, constant inputs, or `dt`, that all runs have alike.",
             "levels": "The only values that an input may take, by name; in a unit of their own as"
@@ -175,7 +175,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "lead_in": "Segments at the beginning that are not measured.",
             "samples": "How many samples are chosen of each run; all where it is not given.",
             "rest": "How runs start [at rest](../how_to/runs_at_rest.md), as a table `[runs.rest]`.",
-            "n_starts": "How often the search begins anew, from random runs or classical ones. Sets its work; 8 where not given.",
+            **MEANINGS["runs"],
         },
     ),
     "runs.rest": (
@@ -355,7 +355,7 @@ def _default(table: str, key: str, node: Mapping[str, Any]) -> str:
         return SAID[f"{table}.{key}"]
     if table == "rule":
         return _of_rules(key)
-    of_option = (GOAL if table == "goal" else SEARCH if table == "design" else {}).get(key)
+    of_option = OPTIONS.get(table, {}).get(key)
     if of_option is not None and of_option.default:
         return of_option.default
     known: dict[str, tuple[Any, ...]] = {

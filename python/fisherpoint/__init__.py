@@ -46,7 +46,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .models.callable.model import CallableModel
     from .models.decorator import model
     from .models.symbolic import SymbolicModel
-    from .models.toml import load_model
+    from .models.toml_to_model import load_model
     from .points.broken_limits import broken_limits
     from .points.constraints import Constraint
     from .points.experiments import Experiments
@@ -182,7 +182,7 @@ _PLACES = {
     ".models.callable.model": ("CallableModel",),
     ".models.decorator": ("model",),
     ".models.symbolic": ("SymbolicModel",),
-    ".models.toml": ("load_model",),
+    ".models.toml_to_model": ("load_model",),
     ".points.broken_limits": ("broken_limits",),
     ".points.constraints": ("Constraint",),
     ".points.experiments": ("Experiments",),

@@ -9,7 +9,8 @@ from typing import Any
 import fisherpoint as fp
 from fisherpoint.basics.messages import listed, shortened
 from fisherpoint.basics.result_files import encoded
-from fisherpoint.basics.toml_messages import toml
+from fisherpoint.basics.toml_mistakes import toml
+from fisherpoint.design.file.configuration_tables import OF_RUNS
 from fisherpoint.prior.rules import RULES
 
 OF_DESIGN = ("output_covariance", "parameters", "kinks", "jumps", "rtol", "assumed_covariance", "along")
@@ -58,7 +59,7 @@ def _plain(data: Any) -> Any:
 def _settings(campaign: fp.Campaign) -> dict[str, Any]:
     """The settings of a campaign by the keys of the file."""
     settings, goal = vars(campaign.settings), vars(campaign.settings.goal)
-    tables = {"n_experiments": "campaign.batch", "n_runs": "campaign.batch", "n_starts": "runs.n_starts"}
+    tables = {name: f"runs.{name}" for name in OF_RUNS} | {"n_experiments": "campaign.batch", "n_runs": "campaign.batch"}
     found = {tables.get(name, f"design.{name}"): value for name, value in settings.items() if name not in ("goal", "method")}
     if isinstance(campaign.settings, fp.results.ExchangeSettings):
         found |= {f"design.{'method' if name == 'name' else name}": value for name, value in vars(campaign.settings.method).items()}

@@ -78,7 +78,7 @@ def search_rows(problem: fp.DesignProblem, settings: fp.results.ExchangeSettings
     method = searched_by(settings.method.name, problem)
     rows = [
         ("points", str(settings.n_experiments)),
-        _goal_row(settings.goal),
+        *_goal_rows(settings.goal),
         ("method", f"{method}, at most {counted(settings.max_iterations, 'iteration')}"),
     ]
     m, iterations = settings.n_candidates, settings.max_iterations
@@ -100,16 +100,17 @@ def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
     settings = fp.results.RunSettings(**{one.name: given[one.name] for one in fields(fp.results.RunSettings) if one.name in given})
     n = problem.run_region.segments
     return [
-        _goal_row(settings.goal),
+        *_goal_rows(settings.goal),
         ("runs", f"{settings.n_runs} of {counted(n, 'segment')}"),
         ("method", f"{counted(settings.n_starts, 'start')} from a pool of {counted(settings.n_candidates, 'random run')}"),
         about(settings.n_candidates * n, "segments of the pool; ascents take as many again and more"),
     ]
 
 
-def _goal_row(goal: fp.Goal) -> Row:
-    over = "" if goal.over is None else f", over the prior: {goal.over}"
-    return "criterion", f"{goal.criterion}{over}"
+def _goal_rows(goal: fp.Goal) -> list[Row]:
+    from fisherpoint.design.results.settings_section import option_facts
+
+    return [("criterion", goal.short), *option_facts(goal, "criterion", "of")]
 
 
 def points_row(name: str, points: fp.Experiments | fp.Runs) -> Row:

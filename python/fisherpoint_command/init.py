@@ -32,7 +32,7 @@ def init(
     with importing():
         from fisherpoint.basics.files import write_whole
         from fisherpoint.basics.messages import listed
-        from fisherpoint.basics.toml_messages import choices
+        from fisherpoint.basics.toml_mistakes import choices
         from fisherpoint.design.file.configuration import ConfigError
         from fisherpoint.design.file.example_files import example_texts
         from fisherpoint.design.file.first_file import first_file

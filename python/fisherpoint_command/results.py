@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-from fisherpoint.basics.files import check_writable
+from fisherpoint.basics.files import REPORTS, check_writable
 from fisherpoint.basics.messages import listed
 from fisherpoint.design.file.configuration import ConfigError
 from fisherpoint.design.results.picture_list import PICTURES as OF_POINTS
@@ -14,16 +14,13 @@ from fisherpoint.estimation.picture_list import PICTURES as OF_A_FIT
 
 from .partial_output import begin_writing
 from .terminal import say
-from .written_results import PAGE
 
 CAMPAIGN = "campaign.json"
 
 MAIN = ("design.json", "fit.json", CAMPAIGN, "report.txt")
 """Files that mark a result: one of them is wherever there is one."""
 
-SHOWN = dict.fromkeys(
-    ("report.txt", PAGE, *OF_POINTS, *OF_RUNS, *OF_A_FIT, "validation.png", "comparison.png", "campaign.png", "sweep.png")
-)
+SHOWN = dict.fromkeys((*REPORTS, *OF_POINTS, *OF_RUNS, *OF_A_FIT, "validation.png", "comparison.png", "campaign.png", "sweep.png"))
 """What is made of a result for people."""
 
 

@@ -53,7 +53,7 @@ def _mistake(error: TyperException, context: Any, command: str) -> str:
 
 def _wrong_value(error: Any, parameter: Any) -> str:
     from fisherpoint.basics.messages import shown
-    from fisherpoint.basics.toml_messages import expected_by
+    from fisherpoint.basics.toml_mistakes import expected_by
 
     problem = error.errors(include_url=False)[0]
     choices = getattr(getattr(parameter, "type_descriptor", None), "choices", None)

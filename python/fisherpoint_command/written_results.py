@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from fisherpoint.basics.files import read_bytes, write_together, write_whole
+from fisherpoint.basics.files import REPORTS, read_bytes, write_together, write_whole
 from fisherpoint.show.display import Plots, Shown
 from fisherpoint.show.page import PagePicture, to_page
 from fisherpoint.show.section import Report, Section
@@ -16,7 +16,7 @@ from .argv import repeated
 from .drawing import Drawers
 from .heartbeat import alive
 
-PAGE = "report.html"
+TEXT, PAGE = REPORTS
 
 
 def write_shown(
@@ -36,7 +36,7 @@ def write_tables(
     tables: Mapping[str, Callable[[], str]], stale: Sequence[str], directory: Path, report: Callable[[], str]
 ) -> list[str]:
     """Write tables and the report together; the page and other stale files of a result before go. Return the files' names."""
-    contents = {name: table() for name, table in tables.items()} | {"report.txt": report()}
+    contents = {name: table() for name, table in tables.items()} | {TEXT: report()}
     return [path.name for path in write_together(directory, contents, stale=[PAGE, *stale])]
 
 

@@ -10,9 +10,8 @@ import time
 import atheris
 
 with atheris.instrument_imports(include=["fisherpoint"]):  # what is imported later, in functions, is not instrumented
-    import fisherpoint.models.surfaces.branches.branches
-
     import fisherpoint.models.dependence
+    import fisherpoint.models.surfaces.branches
     import fisherpoint.models.symbolic
     import fisherpoint.models.tape.programs
     from fisherpoint.models.equation_text import parse_equation

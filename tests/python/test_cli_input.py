@@ -22,7 +22,7 @@ from cli_mistakes import DATA, DECAY, ENZYME, FILES
 from fisherpoint.basics.standard_input import held
 from fisherpoint.design.file.configuration import load_config
 from fisherpoint.design.file.example_files import PLACES, example_texts
-from fisherpoint.models.toml import load_model
+from fisherpoint.models.toml_to_model import load_model
 from fisherpoint_command import cli
 from fisherpoint_command import heartbeat as signs
 from fisherpoint_command.argv import ARGUMENTS

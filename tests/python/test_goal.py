@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.basics.options import options_of
 from fisherpoint.basics.result_files import decoded, encoded
 from fisherpoint.design.file.configuration import ConfigError, load_config
 from fisherpoint.design.goal.goal import UNABLE, Goal, goal_of
+from fisherpoint.design.results.settings import check_goal
 
 MICHAELIS_MENTEN = Path(__file__).resolve().parents[2] / "examples" / "michaelis_menten.toml"
 POINTS = fp.Experiments(np.zeros((2, 0)), np.array([[0.1], [1.0]]))
@@ -89,6 +91,45 @@ def test_runs_have_a_confidence_unless_the_goal_says_none() -> None:
     assert fp.results.RunSettings().goal.confidence == 0.99
     assert fp.results.RunSettings(goal=Goal(confidence=0.0)).goal.share_of_plants is None
     assert fp.results.ExchangeSettings().goal.share_of_plants is None
+
+
+GIVEN: dict[str, Any] = {
+    "criterion": "A",
+    "of": "a",
+    "conditions": POINTS,
+    "scale": {"a": 1.0},
+    "over": fp.OverPrior("log"),
+    "prior_information": True,
+}
+
+
+@pytest.mark.parametrize("name", [one.name for one in options_of(Goal) if one.name not in ("singular", "confidence")])
+def test_what_a_search_for_log_det_does_not_do_is_refused(name: str) -> None:
+    """Each option, also one that is new: neither the search of the paper nor that for pieces may leave it out in silence."""
+    goal = Goal()
+    object.__setattr__(goal, name, GIVEN[name])
+    refused = "criterion 'A'" if name == "criterion" else name
+    assert goal.beyond_log_det == (refused,)
+    with pytest.raises(ValueError, match=f"goal: expected one without {refused} for fisherpoint.design_pieces"):
+        goal_of(goal, "design_pieces")
+    problem = load_config(MICHAELIS_MENTEN).problem()
+    with pytest.raises(ValueError, match=f'{refused}: expected method = "auto"'):
+        check_goal(fp.results.ExchangeSettings(goal=goal, method=fp.ExchangeMethod("paper")), problem)
+
+
+def test_reports_list_the_options_of_a_goal() -> None:
+    problem = load_config(MICHAELIS_MENTEN).problem()
+    goal = Goal("A", scale={"V": 2.0, "K": 3.0}, prior_information=True, singular="error")
+    points = problem.point_region.draw(problem.model, 20, seed=0)
+    one = fp.exchange(problem, 2, goal=goal, n_candidates=5, max_iterations=2)
+    many = fp.sweep(problem, [2], goal=goal, n_candidates=5, max_iterations=2)
+    weights = fp.approximate_design(problem, points, goal=goal, n_experiments=2)
+    exact = fp.exact_design(problem, points, 2, goal=goal)
+    for design in (one, many, weights, exact):
+        text = " ".join(str(design.report()).split())
+        assert "prior information" in text and "counts once beside the data, in the criterion" in text
+        assert "where parameters are left open" in text and "error" in text
+        assert "2 (V), 3 (K)" in text or "V 2, K 3" in text
 
 
 def test_words_name_what_is_maximised() -> None:

@@ -17,8 +17,8 @@ from fisherpoint.basics.checks import MOST_CHARACTERS, check_name
 from fisherpoint.basics.quantity import LONGEST_DESCRIPTION, LONGEST_NAME, LONGEST_UNIT
 
 config = pytest.importorskip("fisherpoint.design.file.configuration", reason="needs the extras", exc_type=ImportError)
-toml = pytest.importorskip("fisherpoint.models.toml", reason="needs the extras", exc_type=ImportError)
-toml_data = pytest.importorskip("fisherpoint.basics.toml_data")
+toml_to_model = pytest.importorskip("fisherpoint.models.toml_to_model", reason="needs the extras", exc_type=ImportError)
+toml_reader = pytest.importorskip("fisherpoint.basics.toml_reader")
 
 MODEL = """[model]
 name = "decay"
@@ -128,7 +128,7 @@ def test_files_that_are_too_large_are_refused_in_few_lines(tmp_path: Path, case:
 def test_a_text_with_a_model_is_bounded_too() -> None:
     for text, expected in (("x" * 2_000_000, "1,000,000 characters, given 2,000,000"), ("x = " + "[" * 5000, "too deep")):
         with soon(), pytest.raises(config.ConfigError, match=f"^model: .*{expected}"):
-            toml.model_from_toml(text)
+            toml_to_model.model_from_toml(text)
 
 
 def test_a_device_without_end_is_read_to_the_limit() -> None:
@@ -139,7 +139,7 @@ def test_a_device_without_end_is_read_to_the_limit() -> None:
 def test_data_that_are_too_large_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     points = tmp_path / "points.csv"
     points.write_text("x,u,dt\n" + "1,1,1\n" * 100)
-    decay = toml.model_from_toml(MODEL)
+    decay = toml_to_model.model_from_toml(MODEL)
     assert len(fp.Experiments.from_csv(points, decay)) == 100
     monkeypatch.setattr(files.read_bytes, "__defaults__", (500,))
     with pytest.raises(ValueError, match=r"points.csv: expected a file of at most 0.0005 MB, given a larger one"):
@@ -166,7 +166,9 @@ def test_deep_constraints_and_units_are_refused_in_words() -> None:
         "x**" * 5000 + "x > 1",
     ):
         with soon(), pytest.raises(ValueError, match=r"^constraint .*expected"):
-            fp.ExperimentRegion({"x": (0, 1), "u": (0, 1), "dt": (1, 2)}, constraints=[text]).check(toml.model_from_toml(MODEL))
+            fp.ExperimentRegion({"x": (0, 1), "u": (0, 1), "dt": (1, 2)}, constraints=[text]).check(
+                toml_to_model.model_from_toml(MODEL)
+            )
     for unit in ("(" * 90 + "m" + ")" * 9, "sqrt(" * 19, "m^" * 49):
         with soon(), pytest.raises(ValueError, match=r"^states.x: expected a unit such as"):
             fp.SymbolicModel(["-k*x"], ["x"], {"x": unit}, {}, {"k": "1"})

@@ -62,7 +62,9 @@ def test_an_empty_unit_means_dimensionless_wherever_one_is_given(make: Any, empt
 
 
 def test_an_empty_unit_in_a_file_means_dimensionless() -> None:
-    from_toml = pytest.importorskip("fisherpoint.models.toml", reason="needs the extras", exc_type=ImportError).model_from_toml
+    from_toml = pytest.importorskip(
+        "fisherpoint.models.toml_to_model", reason="needs the extras", exc_type=ImportError
+    ).model_from_toml
     text = """
 [model]
 name = "m"

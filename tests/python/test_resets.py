@@ -236,7 +236,7 @@ def test_files_copies_and_changes_keep_it(tmp_path: object) -> None:
         (ball(), points_of([1.0, 0.3], [], 0.8), [9.81, 0.8]),
         (thermostat(start=1), points_of([21.0], [5.0], 40.0), HEAT),
     ):
-        from fisherpoint.models.toml import model_from_toml
+        from fisherpoint.models.toml_to_model import model_from_toml
 
         done = fp.sensitivities(model, points, theta)
         for copy in (pickle.loads(pickle.dumps(model)), model_from_toml(model.to_toml())):

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.design.goal.options import options_of
+from fisherpoint.basics.options import options_of
 from fisherpoint.design.results.settings import METHODS, MOST_ITERATIONS
 
 

@@ -251,7 +251,7 @@ def test_sizes_are_those_of_exchange(goal: fp.Goal, tmp_path: Path) -> None:
     found.save(tmp_path / "sweep.json")
     again = fp.Sweep.load(tmp_path / "sweep.json")
     assert str(again.report()) == str(found.report()) and again.settings == found.settings
-    assert ("prior's information counts" in str(found.report())) == goal.prior_information
+    assert ("prior information: counts once" in str(found.report())) == goal.prior_information
 
 
 def test_sizes_that_cannot_tell_what_is_asked_are_an_error() -> None:

@@ -26,6 +26,9 @@ Built = TypeVar("Built")
 MOST_BYTES = 500_000_000
 """Maximum size of a file with data, such as a design, a fit or a table of a million rows."""
 
+REPORTS = ("report.txt", "report.html")
+"""What commands write beside a result for people; whoever writes another result there removes them."""
+
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write a file, text as UTF-8, so that whoever reads `path`, at any moment and after any kill, finds the old one or the new.

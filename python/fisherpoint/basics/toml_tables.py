@@ -13,8 +13,7 @@ from pydantic_core import PydanticCustomError
 
 from .messages import listed
 from .quantity import Quantity
-from .toml_messages import MOST_LINES, ConfigError, describe, unknown_key
-from .toml_schema import misplaced_key
+from .toml_mistakes import MOST_LINES, ConfigError, describe, misplaced_key, unknown_key
 from .units import unit_mistake
 
 Validated = TypeVar("Validated", bound=BaseModel)

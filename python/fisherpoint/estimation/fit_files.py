@@ -10,7 +10,7 @@ import numpy as np
 
 from ..basics.checks import as_path
 from ..basics.csv_table import csv_text
-from ..basics.files import built_from, read_bytes, write_together
+from ..basics.files import REPORTS, built_from, read_bytes, write_together
 from ..basics.messages import printable, shown
 from ..basics.quantity import names_of
 from ..basics.result_files import content_of, encoded, sealed
@@ -80,7 +80,7 @@ def save_fit(fit: FitStatistics, directory: str | Path) -> list[Path]:
         "fit.json": _whole(fit),
     }
     directory.mkdir(parents=True, exist_ok=True)
-    return write_together(directory, contents, stale=("report.txt", "report.html", *PICTURES))
+    return write_together(directory, contents, stale=(*REPORTS, *PICTURES))
 
 
 def _whole(fit: FitStatistics) -> str:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import warnings
 
 from ..basics.checks import check_flag, check_type
+from ..basics.values import Array
 from ..points.runs import Points, Runs, as_runs
 from .evaluation import Evaluation, evaluate_information
 from .output_covariance import OutputCovariance, needs_covariances
 from .output_covariance import output_covariance as d_of
 from .point_information import PointInformation
 from .previous import Previous, previous_information
+from .prior_information import parameter_rows
 from .problem import DesignProblem
 from .run_information import information_of
 
@@ -58,14 +60,21 @@ def evaluate(
     runs, kind = _checked_runs(points), str(problem.output_covariance)
     if check_flag(prior_information, "prior_information") and kind != "noise":
         raise ValueError(f"prior_information: expected output_covariance 'noise', under which F is information, given {kind!r}")
-    information = information_of(problem, runs, threads, needs_covariances(kind))
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
         warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
+    return evaluate_beside(problem, runs, threads, known, parameter_rows(problem) if prior_information else None)
+
+
+def evaluate_beside(
+    problem: DesignProblem, runs: Runs, threads: int | None, known: PointInformation | None, prior: Array | None
+) -> Evaluation:
+    """Evaluate runs beside what is already measured, and beside rows (k, n_unknowns) of what is known of the parameters."""
+    information = information_of(problem, runs, threads, needs_covariances(str(problem.output_covariance)))
     if known is not None:
         information = PointInformation.join([known, information])
-    return evaluate_information(problem, information, d_of(problem, information, threads), threads, prior_information)
+    return evaluate_information(problem, information, d_of(problem, information, threads), threads, prior)
 
 
 def _checked_runs(points: Points) -> Runs:

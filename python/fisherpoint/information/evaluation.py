@@ -26,7 +26,7 @@ from .nuisance import marginal_rows
 from .null_space import column_scaled_svd, null_directions, without_rounding
 from .output_covariance import OutputCovariance, cholesky_factor, whitened
 from .point_information import PointInformation
-from .prior_information import prior_rows
+from .prior_information import nuisance_rows
 from .problem import OUTPUT_COVARIANCES, DesignProblem
 
 if TYPE_CHECKING:
@@ -231,9 +231,9 @@ def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def evaluate_information(
-    problem: DesignProblem, information: PointInformation, d: OutputCovariance, threads: int | None, prior_information: bool = False
+    problem: DesignProblem, information: PointInformation, d: OutputCovariance, threads: int | None, prior: Array | None = None
 ) -> Evaluation:
-    """Evaluate points whose information is known, with that of the prior beside it on request."""
+    """Evaluate points whose information is known, beside rows (k, n_unknowns) of what is known of the parameters."""
     names, std = problem.estimated, problem.std
     prepared, nuisance = d.prepare(information), problem.n_nuisance
     accumulator = d.accumulate(prepared)
@@ -244,11 +244,11 @@ def evaluate_information(
     white = without_rounding(white) if d.kind == "noise" else white
     has_effect = np.abs(white).max(axis=0, initial=0.0) > 0.0
     fisher = np.where(has_effect[:, None] & has_effect, fisher, 0.0)
-    if prior_information:
-        alone = np.concatenate([white, prior_rows(problem, False)])
+    if prior is not None:
+        alone = np.concatenate([white, nuisance_rows(problem)])
         without_prior = _errors_of(marginal_rows(alone, nuisance), names, std)
-    if prior_information or nuisance:
-        known = prior_rows(problem, prior_information)
+    if prior is not None or nuisance:
+        known = nuisance_rows(problem) if prior is None else np.concatenate([prior, nuisance_rows(problem)])
         fisher, white = fisher + 2 / len(prepared) * known.T @ known, np.concatenate([white, known])
     if nuisance:
         white = marginal_rows(white, nuisance)

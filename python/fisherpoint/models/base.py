@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -193,13 +193,6 @@ class Model(ABC):
     def within(self, *limits: str) -> Model:
         """Return the model with limits that its states keep on the way; the built-in cylinder becomes one of equations."""
         return self.symbolic().within(*limits)
-
-    def rates_of(self, *names: str, outputs: Sequence[str] = (), unknown: Sequence[str] | None = None) -> Model:
-        """Return the rates of these states, and then these outputs, as outputs of a model without states.
-
-        Its last parameters are the states and inputs that are `unknown`, by default the states themselves.
-        """
-        return self.symbolic().rates_of(*names, outputs=outputs, unknown=unknown)
 
     def limit_text(self, place: int) -> str:
         """What a limit asks for: "h > 0", "h other than 0" of a pole, a limit along the way as it was written."""

@@ -14,7 +14,8 @@ from .equation_text import parse_condition, parse_equation, parse_limit
 from .expressions import checked
 from .surfaces.printing import to_text
 from .tape.latch import holds
-from .tape.parts import replaced
+from .tape.parts import replaced, symbols_of
+from .tape.reset import Reset
 from .terms import Term, as_term
 
 
@@ -68,7 +69,18 @@ def checked_resets(given: Any, states: Sequence[str]) -> tuple[tuple[Any, Mappin
     return tuple(pairs)
 
 
-def reset_condition_of(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
+def reset_of(
+    condition: Any, values: Mapping[str, Any], symbols: Mapping[str, Any], clocks: Mapping[str, Any], moving: Set[Any]
+) -> Reset:
+    """A reset of states in symbols; `moving` are the states and inputs."""
+    place = f"resets.{shown(condition)}"
+    when = _reset_condition(condition, symbols, place, clocks)
+    if not symbols_of(when) & (moving | set(clocks.values())):
+        raise ValueError(f"{place}: expected a condition of states, inputs or the time")
+    return Reset(when, tuple((symbols[x], equation_of(value, symbols, f"{place}.{x}", clocks)) for x, value in values.items()))
+
+
+def _reset_condition(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
     """What is 1 where the condition of a reset holds, else 0."""
     if isinstance(given, str):
         return parse_condition(given, symbols, place, clocks)

@@ -14,7 +14,7 @@ from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from .base import Model, quantities
-from .toml_text import cylinder_toml
+from .model_to_toml import cylinder_toml
 
 if TYPE_CHECKING:
     from .symbolic import SymbolicModel

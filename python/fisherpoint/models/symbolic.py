@@ -13,7 +13,6 @@ import numpy as np
 import sympy
 
 from ..basics.checks import check_flag, check_known
-from ..basics.messages import shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
@@ -30,11 +29,12 @@ from .given_equations import (
     equation_of,
     limits_of,
     listed_equations,
-    reset_condition_of,
+    reset_of,
     text_of,
 )
 from .hidden_states import HiddenCore, HiddenKernels
 from .model_text import latex, model_text
+from .model_to_toml import equations_toml
 from .quantities import Described, DescribedModel, check_counts, start_offsets
 from .surfaces.domain import MOST
 from .surfaces.memory import has_latch
@@ -45,8 +45,6 @@ from .tape.latch import condition_of as condition_in
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
-from .tape.reset import Reset
-from .toml_text import equations_toml
 
 MOST_MISTAKES = 5
 """Maximum number of mistakes in units that a warning lists."""
@@ -125,11 +123,11 @@ class SymbolicModel(DescribedModel):
         output = [equation_of(e, symbols, self._place_of(q), clocks) for e, q in zip(given_g, self.outputs, strict=True)]
         conditions = [condition_of(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
         self._given_resets = checked_resets(resets, names_of(self.states))
-        anew = tuple(self._reset(condition, values, symbols, clocks) for condition, values in self._given_resets)
+        moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
+        anew = tuple(reset_of(condition, values, symbols, clocks, moving) for condition, values in self._given_resets)
         of_resets = [one for reset in anew for one in (reset.condition, *(value for _, value in reset.values))]
         read = set().union(*map(symbols_of, (*rates, *output, *conditions, *of_resets)))
         self.clock = next((clock for clock in clocks.values() if clock in read), None)
-        moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
         limits_along = limits_of(self.along, symbols, self.offsets, moving)
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
@@ -335,41 +333,6 @@ class SymbolicModel(DescribedModel):
         )
         return limited.compile() if self.compiled else limited
 
-    def rates_of(self, *names: str, outputs: Sequence[str] = (), unknown: Sequence[str] | None = None) -> SymbolicModel:
-        """Return the rates of these states at the start, and then these outputs, as outputs of a model without states.
-
-        Its last parameters are the states and inputs that are `unknown`, by default the states themselves; the other inputs and
-        states are its inputs, in this order.
-        """
-        check_known(names, names_of(self.states), "states", "names of states,")
-        if self.latches:
-            raise ValueError(f"model: expected one without latch(), on whose memory its rates depend, given {self.name}")
-        start = {} if self.clock is None else {self.clock: sympy.S.Zero}
-        by_name = zip(names_of(self.states), self.equations.rates, strict=True)
-        rates = [(name, replaced(rate, start)) for name, rate in by_name if name in names]
-        given = [replaced(one, start) for q, one in zip(self.outputs, self.equations.output, strict=True) if q.name in outputs]
-        values = {symbol(name) for name in self.constants}
-        for name, rate in rates:
-            if not value_of(rate).free_symbols - values:
-                raise ValueError(f"states: expected states whose rates may vanish, given {name!r} with {to_text(rate):.60}")
-        free = names if unknown is None else unknown
-        inputs = [q for q in (*self.inputs, *self.states) if q.name not in free]
-        # A model has an input, if need be one that nothing reads.
-        taken = {q.name for of in self._quantities() for q in of}
-        unread = next(name for name in ("none", *(f"none_{i}" for i in range(len(taken) + 1))) if name not in taken)
-        parameters = (*self.parameters, *(q for q in (*self.states, *self.inputs) if q.name in free))
-        equations = [*(rate for _, rate in rates), *given]
-        return SymbolicModel(
-            [],
-            equations,
-            {},
-            inputs or {unread: "1"},
-            parameters,
-            constants=self._given_constants,
-            name=self.name,
-            check_units=False,
-        )
-
     def _changed(
         self,
         equations: Sequence[Any],
@@ -399,15 +362,6 @@ class SymbolicModel(DescribedModel):
         """What makes the same model, beside equations and quantities."""
         given: dict[str, Any] = dict(constants=self._given_constants, domain=self.texts[2], name=self.name, check_units=False)
         return given | dict(nominal=dict(self.nominal), along=self.along, offsets=dict(self.offsets), resets=self.reset_texts)
-
-    def _reset(self, condition: Any, values: Mapping[str, Any], symbols: Mapping[str, Any], clocks: Mapping[str, Any]) -> Reset:
-        """A reset of states, as it was given, in symbols."""
-        place = f"resets.{shown(condition)}"
-        moving = {symbols[q.name] for q in (*self.states, *self.inputs)} | set(clocks.values())
-        when = reset_condition_of(condition, symbols, place, clocks)
-        if not symbols_of(when) & moving:
-            raise ValueError(f"{place}: expected a condition of states, inputs or the time")
-        return Reset(when, tuple((symbols[x], equation_of(value, symbols, f"{place}.{x}", clocks)) for x, value in values.items()))
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
         return self.states, self.inputs, self.parameters, self.constant_quantities

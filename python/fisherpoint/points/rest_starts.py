@@ -123,9 +123,11 @@ def _given(model: Model, runs: Runs, theta: Array, rows: NDArray[np.intp]) -> tu
 
 @lru_cache(maxsize=64)
 def _rates_of(model: Model, conditions: Conditions) -> Model:
+    from ..models.rates import rates_of  # which needs SymPy
+
     unknown = (*conditions.states, *conditions.inputs)
     try:
-        return model.rates_of(*conditions.rates, outputs=conditions.outputs, unknown=unknown)
+        return rates_of(model, conditions.rates, conditions.outputs, unknown)
     except TypeError as error:
         raise TypeError(f"rest: expected a model with equations, given a {type(model).__name__}") from error
     except ValueError as error:

@@ -15,55 +15,55 @@ class NoTrajectory(ValueError):
 
 
 class Status(IntEnum):
-    """How a trajectory ended."""
+    """How a trajectory ended, with what it means and what helps, in one sentence."""
 
-    ok = 0
-    met_jump = 1
-    left_domain = 2
-    step_limit = 3
-    not_finite = 4
-    met_kink = 5
-    grazes_jump = 6
-    on_jump = 7
-    two_jumps = 8
-    chatters = 9
-    no_rest = 10
+    advice: str
+
+    def __new__(cls, code: int, advice: str = "") -> Status:
+        status = int.__new__(cls, code)
+        status._value_, status.advice = code, advice
+        return status
+
+    ok = 0, "The trajectory reached its end."
+    met_jump = (
+        1,
+        "The right-hand side jumps on the way, and jumps='exclude' or the kind of jump (see model.crossable) forbids to cross it: "
+        "start further off or sample earlier.",
+    )
+    left_domain = (
+        2,
+        "The state reached a limit beyond which the model has no value, or a limit along the way: start further inside or sample"
+        " earlier.",
+    )
+    step_limit = 3, "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier."
+    not_finite = (
+        4,
+        "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
+    )
+    met_kink = 5, "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids."
+    grazes_jump = (
+        6,
+        "The trajectory touches a jump along its tangent, and has no derivative: change the start or the duration.",
+    )
+    on_jump = (
+        7,
+        "The trajectory starts, rests or ends on a jump, where it has no derivative: change the start, the input or the duration.",
+    )
+    two_jumps = (
+        8,
+        "The trajectory meets several jumps at once, and their order matters: change the start, or sample earlier.",
+    )
+    chatters = 9, "The trajectory meets jumps again and again in ever shorter times: sample earlier."
+    no_rest = (
+        10,
+        "The run is to start at rest, and there is no rest at these parameters: none, an unstable one, or a whole range of them.",
+    )
 
     def __str__(self) -> str:
         return self.name
 
     def __format__(self, spec: str) -> str:
         return format(self.name, spec)
-
-    @property
-    def advice(self) -> str:
-        """What it means and what helps, in one sentence."""
-        return _ADVICE[self]
-
-
-_ADVICE = {
-    Status.ok: "The trajectory reached its end.",
-    Status.met_jump: (
-        "The right-hand side jumps on the way, and jumps='exclude' or the kind of jump (see model.crossable) forbids to cross it: "
-        "start further off or sample earlier."
-    ),
-    Status.left_domain: (
-        "The state reached a limit beyond which the model has no value, or a limit along the way: start further inside or sample"
-        " earlier."
-    ),
-    Status.step_limit: "The tolerance requires more or smaller steps than allowed: increase rtol or sample earlier.",
-    Status.not_finite: "A rate, an output or what depends on it overflowed: check constants, parameters and standard deviations.",
-    Status.met_kink: "The trajectory crosses one of the model's kinks, which kinks='exclude' forbids.",
-    Status.grazes_jump: "The trajectory touches a jump along its tangent, and has no derivative: change the start or the duration.",
-    Status.on_jump: (
-        "The trajectory starts, rests or ends on a jump, where it has no derivative: change the start, the input or the duration."
-    ),
-    Status.two_jumps: "The trajectory meets several jumps at once, and their order matters: change the start, or sample earlier.",
-    Status.no_rest: (
-        "The run is to start at rest, and there is no rest at these parameters: none, an unstable one, or a whole range of them."
-    ),
-    Status.chatters: "The trajectory meets jumps again and again in ever shorter times: sample earlier.",
-}
 
 
 def named(status: IntArray) -> tuple[Status, ...]:

@@ -13,7 +13,6 @@ from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import FrozenMapping
 from ...information.combinations import combinations
-from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.settings import resolve_threads
@@ -24,7 +23,7 @@ from ..goal.averaged_criterion import MOST_OF_ALL, Averaged, EstimableOver, part
 from ..goal.estimability import NOT_TOLD, determined, not_told
 from ..goal.estimable_space import estimable
 from ..goal.goal import Goal, goal_of
-from ..goal.goal_criterion import criterion_of
+from ..goal.goal_criterion import criterion_of, known_beforehand
 from ..goal.over_prior import OverPrior, Scenarios, moved_problems
 from ..points.auto_search import AutoSearch
 from ..points.random_climbs import Climbs
@@ -106,11 +105,12 @@ def approximate_design(
     tolerance = as_positive(tolerance, "tolerance")
     if not 1e-9 <= tolerance <= 0.1:
         raise ValueError(f"tolerance: expected a share between 1e-9 and 0.1, given {tolerance:g}")
-    n_experiments = _experiments(goal.prior_information or problem.n_nuisance > 0, n_experiments)
+    known = known_beforehand(problem, goal)
+    n_experiments = _experiments(bool(known.any()), n_experiments)
     if candidates is not None:
         check_type(candidates, Experiments, "candidates")
     scenarios = None if goal.over is None else _scenarios(problem, goal.over)
-    constant = None if n_experiments is None else prior_information(problem, goal.prior_information) / n_experiments
+    constant = None if n_experiments is None else known / n_experiments
     check_progress(progress)
 
     if scenarios is not None:

@@ -16,7 +16,6 @@ from ...basics.extras import needed_for
 from ...basics.result_files import Kept
 from ...basics.values import Array
 from ...information.previous import HasPoints
-from ...information.prior_information import prior_information
 from ...information.problem_report import problem_sections
 from ...points.experiments import Experiments
 from ...points.runs import as_runs, points_of
@@ -26,7 +25,7 @@ from ..candidates.candidate_rows import CandidateRows
 from ..candidates.point_rows import PointRows
 from ..goal.averaged_criterion import Averaged, joined
 from ..goal.criteria import Criterion
-from ..goal.goal_criterion import criterion_of
+from ..goal.goal_criterion import criterion_of, known_beforehand
 from ..weights.rounding import efficient_rounding
 from .approximate_report import approximate_report
 from .approximate_weights import ApproximateWeights
@@ -62,7 +61,7 @@ class ApproximateDesign(ApproximateWeights, Shown, Kept):
     def _constant(self) -> Array | None:
         if self.n_experiments is None:
             return None
-        return prior_information(self.problem, self.goal.prior_information) / self.n_experiments
+        return known_beforehand(self.problem, self.goal) / self.n_experiments
 
     def sensitivity(self, points: Experiments, *, threads: int | None = None) -> Array:
         """The sensitivity function (K,) at any points; NaN where a point is none. The design is optimal where it is <= `level`."""

@@ -8,7 +8,7 @@ from ...basics.quantity import names_of
 from ...information.combinations import combination
 from ...show.numbers import computed, counted, number, percent_down
 from ...show.section import Report, Section
-from ..goal.goal import WORDS
+from ..results.settings_section import option_facts
 from .approximate_weights import ApproximateWeights
 
 CLEARLY = 0.999
@@ -42,9 +42,9 @@ def _support(design: ApproximateWeights) -> Section:
 
 def _proof(design: ApproximateWeights) -> Section:
     goal = design.goal
-    about = "" if goal.of is None else f" of {goal.of if isinstance(goal.of, str) else ', '.join(goal.of)}"
     facts = [
-        ("criterion", f"{goal.criterion}{about}"),
+        ("criterion", goal.short),
+        *option_facts(goal, "criterion", "of", "over"),
         *_values(design),
         ("largest sensitivity met, the level at best", f"{design.level * design.largest:.7g}, level {design.level}"),
         ("efficiency by concavity", f"at least {floored(design.efficiency)}"),
@@ -53,8 +53,7 @@ def _proof(design: ApproximateWeights) -> Section:
     if design.starts:
         facts.append(("and what was met by", f"{counted(design.starts, 'local ascent')} in the region"))
     if design.n_experiments is not None:
-        known = "with the prior's information, for" if goal.prior_information else "what is known of constants counts once in"
-        facts.append((known, counted(design.n_experiments, "experiment")))
+        facts.append(("what is known beforehand counts once in", counted(design.n_experiments, "experiment")))
     facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
     facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]
     facts.append(("ended by", design.stop_reason.words))
@@ -70,7 +69,7 @@ def _proof(design: ApproximateWeights) -> Section:
 
 def _values(design: ApproximateWeights) -> Iterator[tuple[str, str]]:
     """The criterion of one experiment, or its average over scenarios, and the smallest and largest of these."""
-    words, over, values = WORDS[design.goal.criterion], design.goal.over, design.scenario_values
+    words, over, values = design.goal.row.words, design.goal.over, design.scenario_values
     if over is None or values is None:
         yield f"{words} of one experiment", computed(design.value, 7)
         return

@@ -11,7 +11,6 @@ from ...basics.checks import as_positive, check_positive_int, check_type
 from ...basics.options import with_options
 from ...basics.values import FrozenMapping
 from ...information.combinations import combinations
-from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.settings import resolve_threads
@@ -21,7 +20,7 @@ from ..candidates.point_rows import PointRows, check_additive
 from ..goal.estimability import NOT_TOLD, determined, not_told
 from ..goal.estimable_space import estimable
 from ..goal.goal import Goal, goal_of
-from ..goal.goal_criterion import criterion_of
+from ..goal.goal_criterion import criterion_of, known_beforehand
 from ..weights.weights import optimal_weights
 from .exact_design import ExactDesign
 from .exact_search import ExactSearch, Limits
@@ -100,16 +99,14 @@ def exact_design(
     time_limit = None if time_limit is None else as_positive(time_limit, "time_limit")
     seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
     check_progress(progress)
-    known = None
-    if goal.prior_information or problem.n_nuisance:
-        known = prior_information(problem, goal.prior_information)
+    known = known_beforehand(problem, goal)
 
     source = PointRows(problem, threads)
     rows, places = source.valid(candidates) if len(candidates) else (np.empty((0, 1, 1)), np.empty(0, dtype=np.intp))
     if not len(rows):
         refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
         raise ValueError(f"candidates: expected valid points, given none: {refused_text or 'no points at all'}")
-    pool = CandidateRows(rows, None if known is None else known / n)
+    pool = CandidateRows(rows, known / n if known.any() else None)
     space = estimable(pool.triangle())
     null = not_told(problem, space)
     refused = goal.requires_all and null

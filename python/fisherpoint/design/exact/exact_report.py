@@ -9,7 +9,7 @@ from ...information.combinations import combination
 from ...show.numbers import computed, counted, number
 from ...show.section import Report, Section
 from ..approximate.approximate_report import floored
-from ..goal.goal import WORDS
+from ..results.settings_section import option_facts
 from .exact_counts import ExactCounts
 
 
@@ -34,10 +34,10 @@ def _points(design: ExactCounts) -> Section:
 
 def _proof(design: ExactCounts) -> Section:
     goal = design.goal
-    about = "" if goal.of is None else f" of {goal.of if isinstance(goal.of, str) else ', '.join(goal.of)}"
     facts = [
-        ("criterion", f"{goal.criterion}{about}"),
-        (f"{WORDS[design.goal.criterion]} of all measurements", computed(design.value, 7)),
+        ("criterion", goal.short),
+        *option_facts(goal, "criterion", "of"),
+        (f"{design.goal.row.words} of all measurements", computed(design.value, 7)),
         (f"efficiency against any {counted(len(design.points), 'measurement')}", f"at least {floored(design.efficiency)}"),
         ("against weights that need not be whole", f"at least {floored(design.of_weights)}"),
         ("among", counted(design.n_candidates, "candidate")),
@@ -45,8 +45,6 @@ def _proof(design: ExactCounts) -> Section:
         ("nodes of branch and bound", str(design.nodes)),
         ("ended by", design.stop_reason.words),
     ]
-    if goal.prior_information:
-        facts.append(("with", "the prior's information"))
     facts += [("not determined (in prior std)", combination(null)) for null in design.null_directions]
     facts += [(f"left out: {reason}", str(count)) for reason, count in design.left_out.items()]
     notes = ["Only designs of these candidates are covered: points between them may be better"]

@@ -18,24 +18,24 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from ...basics.checks import as_path
+from ...basics.options import keys_of, options_of
 from ...basics.quantity import names_of
-from ...basics.toml_data import read_toml
-from ...basics.toml_messages import MOST_LINES, ConfigError, describe, fail_of
-from ...basics.toml_schema import misplaced_key
+from ...basics.toml_mistakes import MOST_LINES, ConfigError, describe, fail_of, misplaced_key
+from ...basics.toml_reader import read_toml
 from ...information.problem import DesignProblem
-from ...models.toml import ModelFile
+from ...models.toml_to_model import ModelFile
 from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ...points.run_region import RunRegion
 from ...prior.gaussian import GaussianPrior
 from ...prior.rules import Rule
 from ..goal.goal import Goal
-from ..goal.options import keys_of as keys_of_options
-from ..goal.options import options_of
 from ..results.cost import Cost
-from ..results.settings import ExchangeMethod, ExchangeSettings, RunSettings
+from ..results.settings import ExchangeMethod, RunSettings
 from .configuration_checks import mistakes_between, pair_of, valid_tables
 from .configuration_tables import (
+    OF_RUNS,
+    OF_SEARCH,
     CampaignTable,
     Correlation,
     CostTable,
@@ -53,8 +53,8 @@ from .configuration_tables import (
 __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
 _PROBLEM_KEYS = set(ProblemKeys.model_fields)
-_OF_METHOD = set(keys_of_options(ExchangeMethod))
-_OF_RUNS = {one.name for one in options_of(RunSettings)} & set(keys_of_options(ExchangeSettings))
+_OF_METHOD = set(keys_of(ExchangeMethod))
+_SHARED = {one.name for one in options_of(RunSettings)} & set(OF_SEARCH)
 
 
 class Config(ModelFile):
@@ -181,8 +181,8 @@ class Config(ModelFile):
 
     def run_settings(self) -> dict[str, Any]:
         """Keyword arguments for :func:`fisherpoint.design_runs`; what the file leaves out is left to its defaults."""
-        search = {} if self.runs is None else self.runs.search()
-        return search | self.design.model_dump(include=_OF_RUNS, exclude_none=True) | {"goal": self.build_goal()}
+        given = {} if self.runs is None else self.runs.model_dump(include=set(OF_RUNS), exclude_none=True)
+        return given | self.design.model_dump(include=_SHARED, exclude_none=True) | {"goal": self.build_goal()}
 
     def build_cost(self) -> Cost | None:
         """What experiments cost, where the file says it."""

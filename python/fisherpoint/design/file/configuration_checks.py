@@ -9,7 +9,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from ...basics.messages import listed
 from ...basics.quantity import names_of
-from ...basics.toml_messages import choices, toml
+from ...basics.toml_mistakes import choices, toml
 from ...basics.toml_tables import missing_entries, missing_names, wrong_entries, wrong_names
 from ...models import Model
 from .configuration_tables import BoundsEntry, PriorEntry, RegionTable, Std

@@ -11,8 +11,9 @@ from pydantic_core import PydanticCustomError
 
 from ...basics.checks import percentage
 from ...basics.messages import listed
+from ...basics.options import Key, keys_of
 from ...basics.quantity import Quantity
-from ...basics.toml_messages import fail, toml
+from ...basics.toml_mistakes import fail, toml
 from ...basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
 from ...basics.units import convert_unit, same_zero
 from ...models import Model
@@ -21,9 +22,8 @@ from ...points.settings import COARSEST, FINEST
 from ...prior.gaussian import MOST_RELATIVE_STD
 from ...prior.rules import DEFAULT_RULE, RULES, Rule
 from ..goal.goal import Goal
-from ..goal.options import Key, keys_of
 from ..results.cost import Cost
-from ..results.settings import MOST, ExchangeMethod, ExchangeSettings
+from ..results.settings import MOST, ExchangeMethod, ExchangeSettings, RunSettings
 
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 
@@ -158,11 +158,10 @@ def _in_units(table: Mapping[str, Constant], quantities: Iterable[Quantity]) -> 
     return {name: convert_unit(entry.value, *known[name]) for name, entry in table.items()}
 
 
-class RunsTable(Table):
+class RunKeys(Table):
     """Runs of several segments instead of points: how many, of what length, and what of them may vary."""
 
     segments: Count
-    n_runs: Count | None = None
     constant: list[str] = Field(default_factory=list)
     shared: list[str] = Field(default_factory=list)
     levels: dict[str, Levels] = Field(default_factory=dict)
@@ -171,10 +170,9 @@ class RunsTable(Table):
     lead_in: Annotated[int, Field(ge=0)] = 0
     samples: Count | None = None
     rest: RestTable | None = None
-    n_starts: Count | None = None
 
     @model_validator(mode="after")
-    def _something_is_measured(self) -> RunsTable:
+    def _something_is_measured(self) -> RunKeys:
         if self.lead_in >= self.segments:
             fail(f"runs.lead_in: expected fewer than all {self.segments} segments, given {self.lead_in}")
         return self
@@ -186,10 +184,6 @@ class RunsTable(Table):
         given["slew"] = {name: (of.value, of.unit) if of.unit else of.value for name, of in self.slew.items()}
         rest = None if self.rest is None else self.rest.build(model)
         return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}
-
-    def search(self) -> dict[str, Any]:
-        """Keyword arguments for `design_runs`."""
-        return self.model_dump(include={"n_runs", "n_starts"}, exclude_none=True)
 
 
 class RuleTable(Table):
@@ -243,9 +237,14 @@ class ProblemKeys(Table):
     along: list[str] | None = None
 
 
-def _of_options(name: str, base: type[Table], *kinds: type) -> type[Table]:
-    """A table with a key for each option of these classes that has one."""
-    keys: dict[str, Any] = {label: (_annotated(key) | None, None) for label, key in keys_of(*kinds).items()}
+OF_GOAL, OF_SEARCH = keys_of(Goal), keys_of(ExchangeSettings, ExchangeMethod)
+OF_RUNS = {name: key for name, key in keys_of(RunSettings).items() if name not in OF_SEARCH}
+"""The keys of options in the tables [goal], [design] and [runs]."""
+
+
+def _with_keys(name: str, base: type[Table], given: Mapping[str, Key]) -> type[Table]:
+    """A table with these keys too."""
+    keys: dict[str, Any] = {label: (_annotated(key) | None, None) for label, key in given.items()}
     return create_model(name, __base__=base, **keys)
 
 
@@ -265,9 +264,11 @@ def _annotated(key: Key) -> Any:
 if TYPE_CHECKING:  # what is known of them before the program runs
     GoalTable: TypeAlias = Table
     DesignTable: TypeAlias = ProblemKeys
+    RunsTable: TypeAlias = RunKeys
 else:  # what is left out takes the library's default
-    GoalTable = _of_options("GoalTable", Table, Goal)
-    DesignTable = _of_options("DesignTable", ProblemKeys, ExchangeSettings, ExchangeMethod)
+    GoalTable = _with_keys("GoalTable", Table, OF_GOAL)
+    DesignTable = _with_keys("DesignTable", ProblemKeys, OF_SEARCH)
+    RunsTable = _with_keys("RunsTable", RunKeys, OF_RUNS)
 
 
 class CostTable(Table):

@@ -23,6 +23,7 @@ import numpy as np
 from ...basics.values import Array
 from ...show.section import Report, Section
 from ...show.table_preview import InNotebooks
+from .criterion_table import CRITERIA
 from .estimable_space import Estimable
 
 
@@ -58,17 +59,6 @@ class Slope:
     def curvature(self, matrices: Array) -> Array:
         """The second derivatives (m, m) of log phi by the weights of F_i."""
         return self.criterion._curvature(self, matrices)
-
-
-MEANINGS = {
-    "D": "log det of the information: the volume of the confidence ellipsoid",
-    "A": "the sum of the variances of the parameters",
-    "E": "the least eigenvalue of the information: the worst combination of the parameters",
-    "ME": "the condition number of the information",
-    "c": "the variance of one function of the parameters",
-    "Ds": "log det of the information of some parameters",
-    "I": "the mean variance of predictions",
-}
 
 
 class Criterion(InNotebooks):
@@ -115,10 +105,13 @@ class Criterion(InNotebooks):
         return np.array([self.log_phi(matrix) for matrix in matrices])
 
     def __repr__(self) -> str:
-        return f"<Criterion {self.name}: {MEANINGS[self.name]}>"
+        return f"<Criterion {self.name}: {CRITERIA[self.name].meaning}>"
 
     def _in_notebook(self) -> Report:
-        facts = [("what is maximised or minimised", MEANINGS[self.name]), ("level of the sensitivity function", str(self.level))]
+        facts = [
+            ("what is maximised or minimised", CRITERIA[self.name].meaning),
+            ("level of the sensitivity function", str(self.level)),
+        ]
         return Report(f"Criterion {self.name}", [Section("", (), facts)])
 
     def efficiency(self, information: Array, reference: Array) -> float:

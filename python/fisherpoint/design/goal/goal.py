@@ -1,7 +1,8 @@
 """The goal of a design: the criterion with what it needs, over which parameters, beside what, and what to do where it is singular.
 
-Each search takes a `Goal`, or the name of a criterion. What a new part of the goal needs stands here: its field with default, words
-and key in the TOML file, its check, and which searches cannot have it.
+Each search takes a `Goal`, or the name of a criterion. What an option of the goal needs stands here: its field with default, words
+and key in the TOML file, its check, and which searches cannot have it. What it changes in the criterion, and in the information
+that counts, stands in `goal_criterion.py`.
 """
 
 from __future__ import annotations
@@ -11,36 +12,14 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any
 
 from ...basics.checks import as_float, as_sequence, as_std, by_name, check_choice, check_flag, check_name, check_type
-from ...basics.options import Options
+from ...basics.options import Key, Options, option, options_of
 from ...points.experiments import Experiments
 from ...prior.rules import Sobol
-from .options import Key, option
+from .criterion_table import CRITERIA, CriterionRow
 from .over_prior import KINDS, OverPrior
-
-WORDS = {
-    "D": "log det F",
-    "A": "trace of F^-1",
-    "E": "smallest eigenvalue of F",
-    "ME": "condition number of F",
-    "c": "variance of the function",
-    "Ds": "log det of the information about the subset",
-    "I": "mean prediction variance",
-}
-CRITERIA = tuple(WORDS)
-OF_ALL = ("D", "A", "E", "ME")
-"""Criteria of all parameters; the others are of certain functions of them."""
-
-SCALED = ("A", "E", "ME")
-"""Criteria that depend on how the parameters are scaled."""
-
-MINIMISED = ("A", "c", "I", "ME")
-"""Criteria that are better the smaller they are."""
 
 SINGULAR = ("estimable", "error")
 """What is done where not all parameters can be determined: a design for those that can, or an error."""
-
-NEEDED = {"c": "a function of the parameters as text", "Ds": "names of parameters", "I": "the name of an output"}
-"""What `of` is, by the criteria that need it."""
 
 NO_BOUND = "no bound holds for the condition number, which has no concave form"
 NO_PLANTS = "only fisherpoint.exchange and fisherpoint.design_runs look at the plants of the prior"
@@ -53,14 +32,12 @@ UNABLE: Mapping[str, Mapping[str, str]] = {
         "confidence": NO_PLANTS,
     },
     "exact_design": {"criterion 'ME'": NO_BOUND, "over": "its bounds are of the prior mean", "confidence": NO_PLANTS},
-    "design_pieces": {
-        **{f"criterion {name!r}": "windows are picked by log det F" for name in CRITERIA[1:]},
-        "over": "windows are picked at the prior mean",
-        "prior_information": "windows are picked by what they say themselves",
-        "confidence": "windows were measured, and can be run",
-    },
+    "design_pieces": {"confidence": "windows were measured, and can be run"},
 }
-"""What searches cannot have in a goal, and why; what the others cannot have depends on the problem."""
+"""What searches cannot have in a goal, and why; what `exchange` cannot have depends on the problem."""
+
+BY_LOG_DET = {"design_pieces": "windows are picked by log det F of their own information, at the prior mean"}
+"""Searches that can have no criterion but log det F, and why."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +79,11 @@ class Goal(Options):
     criterion: str = option(
         "D",
         "criterion",
-        Key(str, "[What the design is to be good for](../how_to/criteria.md): log det F, or another criterion.", choices=CRITERIA),
+        Key(
+            str,
+            "[What the design is to be good for](../how_to/criteria.md): log det F, or another criterion.",
+            choices=tuple(CRITERIA),
+        ),
     )
     _: KW_ONLY
     of: str | tuple[str, ...] | None = option(
@@ -129,23 +110,25 @@ class Goal(Options):
     )
     over: OverPrior | None = option(
         None,
-        "criterion over the prior",
+        "over the prior",
         Key(
             str,
             "What is maximised [over the prior](../how_to/over_prior.md), not at its mean alone: the mean of the criterion over"
             " scenarios, the smallest, or the mean of the worst `share` of them.",
             choices=KINDS,
         ),
+        shown=lambda over: f"{over.described_with('criterion')}, {over.named_scenarios}",
         scenarios=Key(int, "Number of these scenarios, a power of two; nodes of a Sobol rule.", least=1, default="`8`"),
         share=Key(float, 'Share of the scenarios of `"cvar"`.', above=0, most=1, default="`0.25`"),
     )
     prior_information: bool = option(
         False,
-        "the prior's information counts",
+        "prior information",
         Key(
             bool,
             "Whether the [prior's information](../how_to/criteria.md#what-the-prior-knows) counts beside that of the measurements.",
         ),
+        shown=lambda _: "counts once beside the data, in the criterion, its bounds and the standard errors",
     )
     singular: str = option(
         "estimable",
@@ -158,7 +141,7 @@ class Goal(Options):
     )
     confidence: float | None = option(
         None,
-        "share of the plants that must be able to run the design",
+        "plants that must be able to run it",
         Key(
             float,
             "Share of the plants that the prior allows which must be able to run"
@@ -171,7 +154,7 @@ class Goal(Options):
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
-        check_choice(self.criterion, CRITERIA, "criterion")
+        check_choice(self.criterion, tuple(CRITERIA), "criterion")
         if self.of is not None and not isinstance(self.of, str):
             set_field(self, "of", tuple(check_name(one, "of") for one in as_sequence(self.of, "of", "names")))
         if self.conditions is not None:
@@ -190,13 +173,13 @@ class Goal(Options):
 
     def _check_used(self) -> None:
         """Raise where the criterion lacks what it needs, or is given what it does not use."""
-        name = self.criterion
-        if name in NEEDED and self.of is None:
-            raise ValueError(f"of: expected {NEEDED[name]} for criterion {name!r}, given none")
+        name, row = self.criterion, self.row
+        if row.needs and self.of is None:
+            raise ValueError(f"of: expected {row.needs} for criterion {name!r}, given none")
         if name == "I" and self.conditions is None:
             raise ValueError("conditions: expected the points at which criterion 'I' predicts, given none")
-        for label, users in (("of", NEEDED), ("conditions", ("I",)), ("scale", SCALED)):
-            if getattr(self, label) is not None and name not in users:
+        for label, used in (("of", row.needs), ("conditions", name == "I"), ("scale", row.scaled)):
+            if getattr(self, label) is not None and not used:
                 raise ValueError(f"{label}: expected none for criterion {name!r}, given one")
 
     @classmethod
@@ -229,14 +212,26 @@ class Goal(Options):
         return cls(**given)
 
     @property
+    def row(self) -> CriterionRow:
+        """Words and kind of the criterion."""
+        return CRITERIA[self.criterion]
+
+    @property
     def of_all(self) -> bool:
         """Whether the criterion is of all parameters."""
-        return self.criterion in OF_ALL
+        return self.row.of_all
 
     @property
     def requires_all(self) -> bool:
         """Whether it is an error to leave parameters open."""
         return self.singular == "error" and self.of_all
+
+    @property
+    def beyond_log_det(self) -> tuple[str, ...]:
+        """Names of what it has beside log det F at the prior mean, for searches that can have no more; an option is among them."""
+        given = [one.name for one in options_of(Goal) if getattr(self, one.name) != one.default]
+        of_all = (name for name in given if name not in ("singular", "confidence"))
+        return tuple(f"criterion {self.criterion!r}" if name == "criterion" else name for name in of_all)
 
     @property
     def share_of_plants(self) -> float | None:
@@ -248,19 +243,30 @@ class Goal(Options):
     @property
     def named(self) -> str:
         """The criterion as part of a sentence."""
-        words = WORDS[self.criterion]
-        if self.of is None:
-            return words
-        what = self.of if isinstance(self.of, str) else ", ".join(self.of)
-        named = {"c": f"variance of {what}", "Ds": f"log det of the information about {what}"}
-        return named.get(self.criterion, f"{words} of {what}")
+        return self.row.words if self.of is None else self.row.named.format(of=self._of)
+
+    @property
+    def short(self) -> str:
+        """The criterion by its letters, and of what it is."""
+        return self.criterion if self.of is None else f"{self.criterion} of {self._of}"
+
+    @property
+    def _of(self) -> str:
+        return self.of if isinstance(self.of, str) else ", ".join(self.of or ())
+
+    @property
+    def units(self) -> str:
+        """What errors are compared with, as the end of a sentence about the criterion's value; empty where that is no matter."""
+        if self.scale is not None:
+            return f", with errors in units of {', '.join(f'{size:g} ({name})' for name, size in self.scale.items())}"
+        return ", parameters in units of their prior std" if self.row.scaled else ""
 
     @property
     def objective(self) -> str:
         """What is maximised at one place of the parameters, as part of a sentence."""
-        if self.criterion in ("D", "Ds"):
+        if self.row.log_det:
             return self.named
-        return f"{'-' if self.criterion in MINIMISED else ''}log({self.named})"
+        return f"{'-' if self.row.minimised else ''}log({self.named})"
 
     @property
     def maximised(self) -> str:
@@ -287,9 +293,11 @@ def goal_of(given: str | Goal, search: str = "") -> Goal:
         given = Goal(given)
     if not isinstance(given, Goal):
         raise TypeError(f"goal: expected the name of a criterion or a Goal, given {type(given).__name__}")
-    for name, why in UNABLE.get(search, {}).items():
-        if _has(given, name):
-            raise ValueError(f"goal: expected one without {name} for fisherpoint.{search}, given one with it: {why}")
+    unable = {name: why for name, why in UNABLE.get(search, {}).items() if _has(given, name)}
+    if search in BY_LOG_DET:
+        unable = dict.fromkeys(given.beyond_log_det, BY_LOG_DET[search]) | unable
+    for name, why in unable.items():
+        raise ValueError(f"goal: expected one without {name} for fisherpoint.{search}, given one with it: {why}")
     return given
 
 

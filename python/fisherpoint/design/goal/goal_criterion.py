@@ -1,4 +1,4 @@
-"""The criterion of a goal as a function of information, for the parameters of a problem."""
+"""A goal for the parameters of a problem: its criterion as a function of information, and what information counts beforehand."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.evaluation import Evaluation
 from ...information.point_information import point_information
+from ...information.prior_information import nuisance_rows, parameter_rows
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.settings import resolve_threads
@@ -77,6 +78,18 @@ def criterion_of_design(problem: DesignProblem, goal: Goal, evaluation: Evaluati
         return found
     columns = np.array([[null.get(name, 0.0) for name in evaluation.parameters] for null in nulls]).T
     return found.restricted(np.linalg.qr(columns, mode="complete")[0][:, len(nulls) :])
+
+
+def prior_rows(problem: DesignProblem, goal: Goal) -> Array | None:
+    """What is known of the parameters, as rows (k, n_unknowns) beside those of data; None where that does not count."""
+    return parameter_rows(problem) if goal.prior_information else None
+
+
+def known_beforehand(problem: DesignProblem, goal: Goal) -> Array:
+    """Information (n_unknowns, n_unknowns) that counts once beside the data: of nuisance parameters, and `prior_rows`."""
+    of_parameters, rows = prior_rows(problem, goal), nuisance_rows(problem)
+    rows = rows if of_parameters is None else np.concatenate([of_parameters, rows])
+    return np.asarray(rows.T @ rows, dtype=np.float64)
 
 
 def _function(problem: DesignProblem, of: object) -> Array:

@@ -92,6 +92,11 @@ class OverPrior(Options):
         """What is maximised, as part of a sentence."""
         return self.described_with("log det F")
 
+    @property
+    def named_scenarios(self) -> str:
+        """The scenarios, in words."""
+        return f"nodes of {self.scenarios}" if isinstance(self.scenarios, Rule) else "given values"
+
     def described_with(self, what: str) -> str:
         """What is maximised for another criterion, as part of a sentence."""
         of = {"log": f"the mean {what}", "worst": f"the smallest {what}"}

@@ -66,10 +66,10 @@ def exchange(
         L points, a million at most.
     goal : str or Goal
         The name of a criterion, such as "A", or all that the design is to be good for, such as
-        ``Goal("c", of="a / b", over=OverPrior("log"))``. Another criterion than "D", `over` and `prior_information` are for method
-        "auto" with D = R, `confidence` is for method "auto": points then keep so far away from jumps and limits that plants further
-        out than the prior's can run them, and `Design.feasible` says whether that was enough. Where points are too few for "A",
-        "E" and "ME", they are chosen by log det F.
+        ``Goal("c", of="a / b", over=OverPrior("log"))``. All but log det F at the prior mean is for method "auto" with D = R,
+        `confidence` is for method "auto": points then keep so far away from jumps and limits that plants further out than the
+        prior's can run them, and `Design.feasible` says whether that was enough. Where points are too few for "A", "E" and "ME",
+        they are chosen by log det F.
     method : {"auto", "paper"} or ExchangeMethod
         The search, or that with its own options: :class:`fisherpoint.ExchangeMethod`.
     previous : Measurements, Experiments, Design, or a sequence of these, optional

@@ -16,7 +16,6 @@ from ...information.candidates import CandidateSource
 from ...information.evaluation import Evaluation, evaluate_information, finite_fisher
 from ...information.output_covariance import OutputCovariance, output_covariance
 from ...information.point_information import PointInformation
-from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...show.progress import Progress
@@ -24,7 +23,7 @@ from ..candidates.candidate_rows import CandidateRows
 from ..goal.criteria import Criterion
 from ..goal.estimability import not_told
 from ..goal.estimable_space import RIDGE, Estimable, estimable
-from ..goal.goal_criterion import criterion_of
+from ..goal.goal_criterion import criterion_of, known_beforehand, prior_rows
 from ..goal.over_prior import Scenarios
 from ..goal.scenario_average import Average
 from ..results.efficiency import Efficiency
@@ -66,7 +65,7 @@ class PointSearch:
         self.space: Estimable | None = None  # what the candidates determine at the prior mean, once it was computed
         self.spaces: tuple[Estimable, ...] | None = None  # what the pools of a search determine in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
-        self.of_prior = prior_information(self.problem, self.settings.goal.prior_information)
+        self.of_prior = known_beforehand(self.problem, self.settings.goal)
         self.seen = CandidateArchive(self.problem, self.threads, self.criteria, self.of_prior, self.tuning.archive)
         self.away: Away | None = None
         if self.settings.goal.share_of_plants is not None:
@@ -195,7 +194,7 @@ class PointSearch:
             return None
         information = self._with_previous(self.best.information)
         d = output_covariance(self.problem, information, self.threads, "noise")
-        return evaluate_information(self.problem, information, d, self.threads, self.settings.goal.prior_information)
+        return evaluate_information(self.problem, information, d, self.threads, prior_rows(self.problem, self.settings.goal))
 
     @property
     def count(self) -> int:
@@ -246,7 +245,7 @@ class PointSearch:
         scenarios = zip(problems, self.over.previous, self.best.information.everywhere, self.criteria, strict=True)
         for problem, known, own, criterion in scenarios:
             everything = own if known is None else PointInformation.join([known, own])
-            evaluation = evaluate_information(problem, everything, self.d, self.threads, self.settings.goal.prior_information)
+            evaluation = evaluate_information(problem, everything, self.d, self.threads, prior_rows(problem, self.settings.goal))
             log_det = evaluation.log_det
             if criterion.of_all and evaluation.rank == criterion.level:
                 log_det = float(evaluation.log_det_estimable or 0.0)

@@ -9,31 +9,29 @@ from typing import TypeAlias
 import numpy as np
 
 from ...show.numbers import computed, percent_down
-from ..goal.goal import SCALED
 from .found_design import FoundDesign
 from .found_runs import FoundRuns
+from .settings_section import option_facts
 
 ByGoal: TypeAlias = FoundDesign | FoundRuns
 """Designs of points or runs that a search has found."""
 
+NAMED = ("criterion", "of", "conditions", "scale", "over", "confidence")
+"""Options of the goal that have lines of their own in a report."""
+
 
 def goal_facts(design: ByGoal) -> Iterator[tuple[str, str]]:
-    """The criterion and its value, but for log det F, which is always shown; and whether the prior counts."""
+    """The options of the goal, the criterion and its value, but for log det F, which is always shown."""
     goal = design.settings.goal
-    if goal.prior_information:
-        yield "prior information", "counts once beside the data, in the criterion, its bounds and the standard errors"
+    yield from option_facts(goal, *NAMED)
     if goal.criterion == "D":
         return
     yield "criterion", f"{goal.criterion}: {goal.named}"
     value = computed(design.value, 6) if math.isfinite(design.value) else "infinite: not determined"
-    if goal.criterion in ("c", "I") and math.isfinite(design.value):
+    if goal.row.variance and math.isfinite(design.value):
         value += f", standard deviation {computed(math.sqrt(design.value), 4)}"
-    if goal.scale is not None:
-        value += f", with errors in units of {', '.join(f'{size:g} ({name})' for name, size in goal.scale.items())}"
-    elif goal.criterion in SCALED:
-        value += ", parameters in units of their prior std"
-    yield "its value with this design", value
-    if goal.criterion in SCALED and design.evaluation.null_directions:
+    yield "its value with this design", value + goal.units
+    if goal.row.scaled and design.evaluation.null_directions:
         yield "restricted to", "what the design determines; what it leaves open stands below"
 
 
@@ -58,5 +56,5 @@ def bound_of(design: ByGoal, value: float) -> str:
         return f"{goal.maximised} over the scenarios at most {value:.4f}"
     if goal.criterion == "D":
         return f"log det at most {value:.4f}"
-    side = "at least" if goal.criterion in ("A", "c", "I") else "at most"
+    side = "at least" if goal.row.minimised else "at most"
     return f"{goal.named} {side} {in_units(design, value)}"

@@ -14,7 +14,7 @@ import numpy as np
 from ...basics.checks import as_path
 from ...basics.csv_table import CsvTable
 from ...basics.extras import needed_for
-from ...basics.files import write_together
+from ...basics.files import REPORTS, write_together
 from ...basics.messages import printable
 from ...basics.quantity import names_of
 from ...basics.result_files import Kept
@@ -100,7 +100,7 @@ class Design(FoundDesign, Shown, Kept):
         directory = as_path(directory, "directory")
         contents = {"design.csv": points_csv(self.points, self.problem.model), "design.json": self._file(versions=versions())}
         directory.mkdir(parents=True, exist_ok=True)
-        write_together(directory, contents, stale=("report.txt", "report.html", *PICTURES))
+        write_together(directory, contents, stale=(*REPORTS, *PICTURES))
 
     @classmethod
     def load(cls, directory: str | Path) -> Design:

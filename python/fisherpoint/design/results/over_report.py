@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...prior.rules import Rule
 from ...show.numbers import computed, counted
 from ...show.section import Section
 from .criterion_report import ByGoal
@@ -17,13 +16,10 @@ def over_sections(design: ByGoal) -> Iterator[Section]:
     values, over = design.scenarios, design.settings.goal.over
     if values is None or over is None:
         return
-    scenarios = f"nodes of {over.scenarios}" if isinstance(over.scenarios, Rule) else "given values"
     log_dets = np.array(values.log_dets)
+    scenarios = f"{counted(len(log_dets), 'scenario')}, {over.named_scenarios}"
     facts = [
-        (
-            "maximised",
-            f"{design.settings.goal.maximised} over {counted(len(log_dets), 'scenario')}, {scenarios}: {values.value:.4f}",
-        ),
+        ("maximised", f"{design.settings.goal.maximised} over {scenarios}: {values.value:.4f}"),
         ("log det F at the prior mean", f"{design.evaluation.log_det:.4f}"),
         ("in the mean of the scenarios", f"{values.mean:.4f}"),
         ("smallest, largest", f"{log_dets.min():.4f}, {log_dets.max():.4f}"),

@@ -41,7 +41,7 @@ def plot_criterion(design: FoundDesign) -> Figure:
                 if design.scenarios is None:
                     _reference(axes, design.efficiency.random_median, "median random design", ":")
         axes.set_xlabel("iteration")
-        units = ", parameters in prior std" if design.settings.goal.criterion in ("D", "Ds") else ", F as in (7)"
+        units = ", parameters in prior std" if design.settings.goal.row.log_det else ", F as in (7)"
         axes.set_ylabel(f"{design.settings.goal.maximised}{units}")
         axes.set_title(f'Criterion, output covariance "{kind}"')
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))

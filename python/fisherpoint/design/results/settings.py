@@ -13,11 +13,11 @@ from ...basics.checks import (
     check_positive_int,
     check_type,
 )
-from ...basics.options import Options
+from ...basics.options import Key, Options, option
 from ...information.output_covariance import needs_covariances
 from ...information.problem import DesignProblem
+from ...show.numbers import number
 from ..goal.goal import Goal, with_default_confidence
-from ..goal.options import Key, option
 
 METHODS = ("paper", "auto")
 
@@ -30,6 +30,10 @@ SEED = Key(int, "Seed of the search; the same seed gives the same design, whatev
 TIME_LIMIT = Key(
     float, "Stop after this many seconds: a safety net, that makes designs differ. Not allowed in a campaign.", above=0
 )
+
+
+def in_seconds(value: float) -> str:
+    return f"{number(value)} s"
 
 
 @dataclass(frozen=True)
@@ -143,7 +147,7 @@ class ExchangeSettings:
         ),
     )
     seed: int = option(0, "seed", SEED, always=True)
-    time_limit: float | None = option(None, "time limit", TIME_LIMIT)
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT, shown=in_seconds)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -158,14 +162,24 @@ class ExchangeSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """The arguments of `design_runs` that decide its result, and their defaults."""
+    """The arguments of `design_runs` that decide its result, and their defaults; keys that `exchange` has not are in [runs]."""
 
-    n_runs: int = option(1, "runs", always=True)
+    n_runs: int = option(1, "runs", Key(int, "Number of runs of a design.", least=1, most=MOST_OF_RUNS["n_runs"]), always=True)
     goal: Goal = Goal()
-    n_starts: int = option(8, "starts of the search", always=True)
+    n_starts: int = option(
+        8,
+        "starts of the search",
+        Key(
+            int,
+            "How often the search begins anew, from random runs or classical ones. Sets its work.",
+            least=1,
+            most=MOST_OF_RUNS["n_starts"],
+        ),
+        always=True,
+    )
     n_candidates: int = option(500, "random runs to begin with")
     seed: int = option(0, "seed", SEED, always=True)
-    time_limit: float | None = option(None, "time limit", TIME_LIMIT)
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT, shown=in_seconds)
 
     CONFIDENCE: ClassVar[float] = 0.99
     """Confidence where a goal has none."""
@@ -200,14 +214,9 @@ def check_goal(settings: ExchangeSettings, problem: DesignProblem) -> None:
     """Raise where the search for a problem cannot have the goal: "paper", and other D than R, maximise log det F at the mean."""
     goal, kind, method = settings.goal, str(problem.output_covariance), settings.method.name
     by_auto = searched_by(method, problem) == "auto"
-    others = {
-        "over": goal.over is not None,
-        f"criterion {goal.criterion!r}": goal.criterion != "D",
-        "prior_information": goal.prior_information,
-    }
-    unable = [name for name, given in others.items() if given and not (by_auto and kind == "noise")]
+    unable = () if by_auto and kind == "noise" else goal.beyond_log_det
     if goal.share_of_plants is not None and not by_auto:
-        unable.insert(0, "confidence")
+        unable = ("confidence", *unable)
     if unable:
         name, covariances = unable[0], '"noise" or "region"' if unable[0] == "confidence" else '"noise"'
         raise ValueError(

@@ -1,40 +1,39 @@
-"""The settings of a search in words, for the page of a result; those with their default are left out."""
+"""Options of a search in words; those with their default are left out."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
+from ...basics.options import options_of
 from ...points.experiments import Experiments
 from ...show.numbers import number, percent
 from ...show.section import Section
-from ..goal.goal import Goal
-from ..goal.options import options_of
-from .settings import ExchangeMethod, ExchangeSettings, RunSettings
-
-Options = ExchangeSettings | RunSettings | ExchangeMethod | Goal
+from .settings import ExchangeSettings, RunSettings
 
 
 def settings_section(settings: ExchangeSettings | RunSettings) -> Section:
-    """The settings of a search."""
-    rows = list(_rows(settings))
+    """The settings of a search, for the page of a result."""
+    rows = list(option_facts(settings))
     if isinstance(settings, ExchangeSettings):
-        rows[1:1] = _rows(settings.method)
-    rows[1:1] = _rows(settings.goal)
+        rows[1:1] = option_facts(settings.method)
+    rows[1:1] = option_facts(settings.goal)
     return Section("Search", (), rows)
 
 
-def _rows(options: Options) -> Iterator[tuple[str, str]]:
+def option_facts(options: Any, *without: str) -> Iterator[tuple[str, str]]:
+    """Words and value of the options of an object that differ from their default, and of those that are always shown."""
     for one in options_of(type(options)):
         value = getattr(options, one.name)
-        if one.words and value is not None and (one.always or value != one.default):
-            yield one.words, _shown(one.name, value)
+        if one.words and one.name not in without and value is not None and (one.always or value != one.default):
+            yield one.words, _shown(value) if one.shown is None else one.shown(value)
 
 
-def _shown(name: str, value: object) -> str:
+def _shown(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{number(value)} s" if name == "time_limit" else percent(value)
+        return percent(value)
     if isinstance(value, Experiments):
         return str(len(value))
     if isinstance(value, Mapping):

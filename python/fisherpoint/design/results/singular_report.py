@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from ...information.combinations import combinations
 from ...show.numbers import counted, number
-from ..goal.goal import OF_ALL
 from .evaluated_points import EvaluatedPoints
 from .found_design import FoundDesign
 
@@ -29,8 +28,9 @@ def singular_warning(evaluated: EvaluatedPoints) -> str:
             f"No point of the region was found with information on {left} (in prior std): measure other outputs, widen the region, "
             "or leave parameters out (parameters = [...])."
         )
-    criterion = evaluated.settings.goal.criterion
-    if evaluated.too_few and criterion in OF_ALL:
+    goal = evaluated.settings.goal
+    criterion = goal.criterion
+    if evaluated.too_few and goal.of_all:
         numbers = evaluation.n_points * len(evaluation.outputs)
         could = p - len(evaluated.not_told)
         if numbers < could:
@@ -42,7 +42,7 @@ def singular_warning(evaluated: EvaluatedPoints) -> str:
             sentences.append(f"Other points would determine {could}, so that no efficiency is claimed.")
         if criterion != "D":
             sentences.append(f"Until there are enough for criterion {criterion}, points are chosen by log det F.")
-    elif criterion in OF_ALL:
+    elif goal.of_all:
         sentences.append("The design, its criterion and its efficiency are of the rest.")
     else:
         sentences.append(f"Criterion {criterion} is determined all the same.")

@@ -14,12 +14,11 @@ from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
 from ...information.combinations import combinations
-from ...information.evaluate import evaluate
+from ...information.evaluate import evaluate_beside
 from ...information.feasibility import Feasibility, feasibility_within
 from ...information.output_covariance import output_covariance
 from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
-from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...information.run_information import checked_problem, information_matrices, information_of
 from ...points.run_region import RunRegion
@@ -28,7 +27,7 @@ from ...points.settings import resolve_threads
 from ...show.progress import Progress, check_progress, following
 from ..goal.estimable_space import RIDGE
 from ..goal.goal import Goal, goal_of
-from ..goal.goal_criterion import criterion_of
+from ..goal.goal_criterion import criterion_of, known_beforehand, prior_rows
 from ..goal.over_prior import moved_problems
 from ..goal.scenario_average import Average
 from ..results.found_design import DRAWS, UNSEEN
@@ -123,12 +122,15 @@ def design_runs(
     if left_out:
         reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
         warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=stacklevel_of_user())
-    there = np.array([_known_there(moved, problem, known, previous, threads) for moved in problems])
+    beside = [
+        known if known is None or moved is problem else previous_information(moved, previous, threads)[0] for moved in problems
+    ]
+    there = np.array([_matrix(moved, of, threads) for moved, of in zip(problems, beside, strict=True)])
     kept = None
     if keep is not None:
         kept = _kept(keep, region, settings.n_runs)
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
-    there = there + prior_information(problem, goal.prior_information)
+    there = there + known_beforehand(problem, goal)
     with following(progress, "start", "drawing the first runs") as report:
         search = RunSearch(
             problem,
@@ -153,14 +155,13 @@ def design_runs(
             )
         end = _judged(search, kept, stop_reason)
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
-        evaluation = evaluate(problem, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
+        evaluation = evaluate_beside(problem, runs, threads, known, prior_rows(problem, goal))
         if goal.requires_all and evaluation.null_directions and stop_reason == StopReason.completed:
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     scenarios = None
     if goal.over is not None:
         of_each = [
-            evaluate(moved, runs, threads=threads, previous=previous, prior_information=goal.prior_information)
-            for moved in problems
+            evaluate_beside(moved, runs, threads, of, prior_rows(moved, goal)) for moved, of in zip(problems, beside, strict=True)
         ]
         of_mean = None  # of F as in (7)
         if goal.criterion != "D":
@@ -260,19 +261,10 @@ def _information_of_kept(moved: DesignProblem, kept: Runs, threads: int) -> Arra
     return _matrix(moved, information, threads)
 
 
-def _known_there(
-    moved: DesignProblem, problem: DesignProblem, known: PointInformation | None, previous: Previous | None, threads: int
-) -> Array:
-    """F (p, p) of what is already measured, or planned, in a scenario."""
-    if known is not None and moved is not problem:
-        known, _ = previous_information(moved, previous, threads)
-    if known is None:
+def _matrix(problem: DesignProblem, information: PointInformation | None, threads: int) -> Array:
+    """F (p, p) of points and runs, if there are any."""
+    if information is None:
         return np.zeros((problem.n_unknowns, problem.n_unknowns))
-    return _matrix(moved, known, threads)
-
-
-def _matrix(problem: DesignProblem, information: PointInformation, threads: int) -> Array:
-    """F (p, p) of points and runs."""
     if information.assumed is not None:  # points have D of their own
         white = output_covariance(problem, information, threads).prepare(information).sensitivity.reshape(-1, problem.n_unknowns)
         return np.asarray(white.T @ white)

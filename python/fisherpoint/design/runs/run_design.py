@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ...basics.checks import as_path, check_choice
 from ...basics.extras import needed_for
-from ...basics.files import write_together
+from ...basics.files import REPORTS, write_together
 from ...basics.result_files import Kept
 from ...engine.versions import versions
 from ...information.problem_report import problem_sections
@@ -82,9 +82,7 @@ class RunDesign(FoundRuns, Shown, Kept):
         directory, model = as_path(directory, "directory"), self.problem.model
         tables = {"design.csv": runs_csv(self.runs, model), "plan.csv": plan_csv(self.runs, model)}
         directory.mkdir(parents=True, exist_ok=True)
-        write_together(
-            directory, tables | {"design.json": self._file(versions=versions())}, stale=("report.txt", "report.html", *PICTURES)
-        )
+        write_together(directory, tables | {"design.json": self._file(versions=versions())}, stale=(*REPORTS, *PICTURES))
 
     @classmethod
     def load(cls, directory: str | Path) -> RunDesign:

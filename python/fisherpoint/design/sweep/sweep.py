@@ -19,7 +19,6 @@ from ...basics.stop_reason import StopReason
 from ...information.evaluation import Evaluation
 from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
-from ...information.prior_information import prior_information as information_of_prior
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
 from ...points.settings import resolve_threads
@@ -29,6 +28,7 @@ from ...show.section import Report, Section
 from ..goal.criteria import Criterion
 from ..goal.estimability import determined, not_told, refuse_open
 from ..goal.goal import Goal, goal_of
+from ..goal.goal_criterion import known_beforehand
 from ..points.candidate_archive import CandidateArchive
 from ..points.exchange import check_determined, scenarios_of
 from ..points.point_search import PointSearch
@@ -157,7 +157,8 @@ def sweep(
     check_goal(settings, problem)
     known, _ = previous_information(problem, previous, threads)
     scenarios = None if goal.over is None else scenarios_of(problem, settings, previous, None, known, threads)
-    seen = CandidateArchive(problem, threads, of_prior=information_of_prior(problem, goal.prior_information))
+    of_prior = known_beforehand(problem, goal)
+    seen = CandidateArchive(problem, threads, of_prior=of_prior)
     found: list[_Found] = []
     space, ridge, criteria = None, 0.0, seen.criteria
     search: PointSearch | None = None
@@ -200,7 +201,7 @@ def sweep(
         own = level if maximised is None else criterion.level
         value = log_det_of(evaluation, level) if maximised is None else maximised
         # Beside what is known it depends on the size.
-        afresh = bound is None or known is not None or goal.prior_information or problem.n_nuisance
+        afresh = bound is None or known is not None or of_prior.any()
         if afresh and stop_reason != StopReason.interrupted_first and np.isfinite(value):
             bound = seen.bound(information, known) if scenarios is None else seen.bound_over(information, known, scenarios)
         points = information.experiments

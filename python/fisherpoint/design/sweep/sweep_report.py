@@ -8,7 +8,7 @@ from ...basics.stop_reason import StopReason
 from ...information.combinations import combinations
 from ...show.numbers import computed, counted, number, percent, percent_down
 from ...show.section import Report, Section
-from ..goal.goal import OF_ALL
+from ..results.settings_section import option_facts
 from ..results.singular_report import GUIDE, ridge_facts
 from .sweep_record import SweptDesigns
 
@@ -16,24 +16,11 @@ _LARGEST = 3
 """Parameters that are named for each size: those with the largest standard errors next to the prior's."""
 
 
-_ERRORS = {
-    "D": ("mean error", "det(F)^(-1/2p), the geometric mean over the directions of the parameters, in prior std"),
-    "Ds": ("mean error", "the geometric mean over the directions of the chosen parameters, in prior std"),
-    "A": ("joint error", "the root of the trace of F^-1, of errors next to their scales"),
-    "E": ("largest error", "that of the combination of parameters that is known worst, next to its scale"),
-    "ME": ("error ratio", "the largest error of a combination of parameters over the smallest"),
-    "c": ("error", "the standard deviation of the function"),
-    "I": ("error", "the root of the mean variance of the predictions"),
-}
-"""Name and meaning of phi^(-1/2), by criterion."""
-
-
 def sweep_report(sweep: SweptDesigns) -> Report:
     """The designs by size."""
     prior, settings = sweep.problem.prior.std, sweep.settings
-    name = settings.goal.criterion
-    error, what = _ERRORS.get(name, _ERRORS["D"]), settings.goal.maximised
-    written = computed if name in ("c", "I", "ME") else percent
+    row, what = settings.goal.row, settings.goal.maximised
+    written = percent if row.relative else computed
     rows, marked, timed = [], [], bool(sweep.problem.model.states)
     most = len(sweep.problem.estimated) - len(sweep.not_told)
     for k, (size, of) in enumerate(zip(sweep.sizes, sweep.designs, strict=True)):
@@ -56,8 +43,8 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         lasting = [number(float(of.points.dt.sum()))] if timed else []
         rows.append((str(size), information, mean, worst, at_least, *lasting, *cost))
     lasting = ["duration [s]"] if timed else []
-    columns = ["points", f"{what}, sum", error[0], "largest errors, of prior std", "efficiency at least", *lasting]
-    notes = [f"{error[0]}: {error[1]}."]
+    columns = ["points", f"{what}, sum", row.error, "largest errors, of prior std", "efficiency at least", *lasting]
+    notes = [f"{row.error}: {row.of_error}."]
     if sweep.n_candidates:
         notes.append(
             f"efficiency at least: proven among designs of the {sweep.n_candidates} candidates that the searches have evaluated, by"
@@ -66,17 +53,16 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     if sweep.knee is not None:
         notes.append(f"From {sweep.knee} points on, which are marked, more help little next to the first ones.")
     notes += [f"{fact}: {text}." for fact, text in ridge_facts(sweep.ridge)]
-    if settings.goal.prior_information:
-        notes.append("The prior's information counts once beside the data, in the criterion, its bounds and the errors.")
+    notes += [f"{words}: {value}." for words, value in option_facts(settings.goal, "criterion", "of", "over")]
     if settings.goal.over is not None:
         notes.append("The errors of parameters are those at the prior mean.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []
     if sweep.not_told:
         left = combinations(sweep.not_told)
-        of_rest = f"{what}, {error[0]}s and efficiencies are of the rest"
-        if name not in OF_ALL:
-            of_rest = f"criterion {name} is determined all the same"
+        of_rest = f"{what}, {row.error}s and efficiencies are of the rest"
+        if not row.of_all:
+            of_rest = f"criterion {settings.goal.criterion} is determined all the same"
         warnings.append(
             f"No point of the region was found with information on {left} (in prior std): {of_rest}. Measure other outputs, widen"
             f" the region, or leave parameters out (parameters = [...]). See {GUIDE}."

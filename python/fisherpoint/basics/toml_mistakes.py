@@ -1,15 +1,15 @@
-"""How a mistake in a configuration file is put into one line: the key, what was expected there, what was given."""
+"""Mistakes in a TOML file in one line each: the key, what was expected there, what was given; and where a key belongs."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from itertools import islice
-from typing import NoReturn
+from typing import Any, NoReturn, get_args, get_origin, get_type_hints
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from .messages import LISTED, SHOWN, listed, printable, shortened
@@ -24,6 +24,14 @@ MOST_LINES = 50
 
 DEEPEST = 4
 """Tables and lists inside each other that are shown of a value."""
+
+Place = tuple[str, ...]
+
+ENTRY = "<name>"
+"""Stands in a place for whatever name an entry has, of a table that is keyed by names."""
+
+MOST_PLACES = 2
+"""Tables that are named for a key; one that more have belongs nowhere in particular."""
 
 
 class ConfigError(ValueError):
@@ -169,3 +177,52 @@ def toml(value: object, deep: int = 0) -> str:
     else:
         text = json.dumps(value) if isinstance(value, bool) else str(value)
     return shortened(text)
+
+
+def misplaced_key(schema: type[BaseModel], place: Place) -> str:
+    """A message about a key that its table does not have: the table where it belongs, or else the keys of its own."""
+    *table, name = place
+    here = _table_at(schema, tuple(table))
+    found = [at for at, kind in _tables(schema) if name in kind.model_fields and kind is not here and ENTRY not in at]
+    belongs = ""
+    if () in found:
+        belongs = f"{name} is a table of its own, [{name}]"
+    elif 0 < len(found) <= MOST_PLACES:
+        tables = [f"[{'.'.join(at)}]" for at in found]
+        belongs = f"{name} belongs to the table {' or '.join(tables)}"
+    return unknown_key(".".join(table), name, here.model_fields, belongs)
+
+
+def _table_at(schema: type[BaseModel], place: Place) -> type[BaseModel]:
+    """The table at a place; the file itself where there is none."""
+    alike = (
+        kind for at, kind in _tables(schema) if len(at) == len(place) and all(_is(*pair) for pair in zip(at, place, strict=True))
+    )
+    return next(alike, schema)
+
+
+def _is(part: str, given: str) -> bool:
+    return part in (ENTRY, given)
+
+
+def _tables(schema: type[BaseModel], place: Place = ()) -> Iterator[tuple[Place, type[BaseModel]]]:
+    """All tables, with their places."""
+    yield place, schema
+    inside: list[tuple[Any, Place]] = [(of.annotation, (*place, name)) for name, of in schema.model_fields.items()]
+    if schema.model_config.get("extra") == "allow":
+        hints: dict[str, Any] = get_type_hints(schema)
+        inside.append((hints["__pydantic_extra__"], place))
+    for annotation, below in inside:
+        for kind, further in _inside(annotation):
+            yield from _tables(kind, (*below, *further))
+
+
+def _inside(annotation: Any) -> Iterator[tuple[type[BaseModel], Place]]:
+    """The tables that a value of this type may be, or have as entries."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation, ()
+    elif get_origin(annotation) is dict:
+        yield from ((kind, (ENTRY, *further)) for kind, further in _inside(get_args(annotation)[1]))
+    else:
+        for part in get_args(annotation):
+            yield from _inside(part)

@@ -1,4 +1,4 @@
-"""A model as the table [model] of a TOML file."""
+"""From a model to the table [model] of a TOML file."""
 
 from __future__ import annotations
 

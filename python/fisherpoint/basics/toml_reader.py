@@ -9,7 +9,7 @@ from typing import Any
 
 from .files import read_bytes
 from .messages import shortened
-from .toml_messages import ConfigError
+from .toml_mistakes import ConfigError
 
 MOST_BYTES = 1_000_000
 """Maximum size of a configuration; a model with as many states, parameters and outputs as may be, and a page about each, has a
