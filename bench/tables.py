@@ -172,7 +172,7 @@ def show_cost(now: cost.Cost, before: cost.Cost) -> None:
     """Print a row per kind of work: what each event counts now, and how that differs from the record."""
     grown = cost.changes(now.counts, before.counts)
     events = tuple(cost.EVENTS.values())
-    rows = [(kind, *(f"{counts[event]:,.0f} ({grown[kind, event]:+.1%})" for event in events)) for kind, counts in now.counts.items()]
+    rows = [(kind, *(f"{now.counts[kind][event]:,.0f} ({grown[kind, event]:+.1%})" for event in events)) for kind in now.counts]
     _show(f"Per trajectory, x86-64-v3, caches of 32 kB, {now.compiler}; the record is of {before.compiler}", ("", *events), rows)
 
 

@@ -136,7 +136,8 @@ class Dependence {
   }
   static constexpr bool alike(int j, int k) { return rows_of(j) == rows_of(k); }
   static constexpr Variables driven_alike(int j) {
-    return detail::which(n_x, [j](int i) { return (parameters_read[i] & detail::which(p, [j](int k) { return alike(j, k); })) != 0; });
+    return detail::which(
+        n_x, [j](int i) { return (parameters_read[i] & detail::which(p, [j](int k) { return alike(j, k); })) != 0; });
   }
   static constexpr Variables sensitive_states = detail::which(n_x, [](int i) { return row[i] != 0; });
   static constexpr Variables coupled_of(int i) {
@@ -273,9 +274,9 @@ class Dependence {
   }();
 
  public:
-  static constexpr Count<total(n_x, coupled_of)> by_state{};       // entries of f_x
-  static constexpr Count<total(p, driven_of) + 1> by_theta{};      // of f_theta, and behind them a zero
-  static constexpr Count<total(p, rows_of)> in_columns{};          // of S
+  static constexpr Count<total(n_x, coupled_of)> by_state{};   // entries of f_x
+  static constexpr Count<total(p, driven_of) + 1> by_theta{};  // of f_theta, and behind them a zero
+  static constexpr Count<total(p, rows_of)> in_columns{};      // of S
 
   // Where the derivative of f_i by parameter j is among the entries of f_theta; of one that is no entry, the zero's place.
   static constexpr int drive_at(int j, int i) { return place_of_drives[j][i]; }
