@@ -146,7 +146,7 @@ TEST_CASE("more nodes of a prior take no more memory") {
   const auto over = [&](std::size_t nodes) {
     return taken_by([&] {
       const Shelves shelves;
-      redone = sum_over_nodes<P, Method>(model, point, grid, 0, nodes, {}, true, nullptr).redone;
+      redone = SumOverNodes<P, Method, HydraulicCylinder>(model, point, {}, true).over(grid, 0, nodes, nullptr).redone;
     });
   };
   const long few = over(512);
