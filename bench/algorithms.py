@@ -15,7 +15,6 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -27,12 +26,13 @@ from fisherpoint.show.style import STYLE
 
 from .algorithm_cases import CASES, Case
 
-METHODS: dict[str, dict[str, Any]] = {
-    "paper": {"method": "paper"},
-    "auto": {"method": "auto"},
-    "paper, as long": {"method": "paper"},
-    "auto, 99 %": {"method": "auto", "goal": fp.Goal(confidence=0.99)},
+METHODS = {
+    "paper": ("paper", fp.Goal()),
+    "auto": ("auto", fp.Goal()),
+    "paper, as long": ("paper", fp.Goal()),
+    "auto, 99 %": ("auto", fp.Goal(confidence=0.99)),
 }
+"""The method of `exchange` and the goal."""
 OF_PAPER = 200
 """Iterations of the paper's search where none are given."""
 SEEDS, QUICK_SEEDS = 20, 3
@@ -59,13 +59,20 @@ class Trial:
 
 def trial(case: Case, method: str, seed: int, threads: int, before: Iterable[Trial] = ()) -> Trial:
     """Design once; as long as another method took `before`, with the same seed."""
-    problem, settings = case.problem(), dict(METHODS[method])
+    problem, (search, goal) = case.problem(), METHODS[method]
+    iterations = None
     if method == "paper, as long":
         seconds = {one.method: one.cpu for one in before if (one.case, one.seed) == (case.name, seed)}
-        settings["max_iterations"] = max(OF_PAPER, round(OF_PAPER * seconds["auto"] / seconds["paper"]))
+        iterations = max(OF_PAPER, round(OF_PAPER * seconds["auto"] / seconds["paper"]))
     wall, cpu = perf_counter(), process_time()
     design = fp.exchange(
-        problem, case.n_experiments, seed=seed, threads=threads, method=fp.ExchangeMethod(references=False), **settings
+        problem,
+        case.n_experiments,
+        seed=seed,
+        threads=threads,
+        max_iterations=iterations,
+        method=fp.ExchangeMethod(search, references=False),
+        goal=goal,
     )
     cpu, wall, p = process_time() - cpu, perf_counter() - wall, len(problem.estimated)
     log_det = design.evaluation.log_det + p * float(np.log(case.n_experiments / 2))
@@ -165,7 +172,7 @@ def main() -> None:
     for case in cases:
         for seed in range(QUICK_SEEDS if given.quick else given.seeds):
             for method in given.method or METHODS:
-                if "confidence" in METHODS[method] and not case.name.startswith(("cylinder, noise", "cylinder, region")):
+                if METHODS[method][1].confidence is not None and not case.name.startswith(("cylinder, noise", "cylinder, region")):
                     continue
                 if (case.name, method, seed) not in done:
                     trials.append(trial(case, method, seed, given.threads, trials))

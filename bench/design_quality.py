@@ -26,8 +26,8 @@ from fisherpoint.data.record_trajectory import record_trajectories
 from fisherpoint.estimation.least_squares import CONVERGED, minimise
 from fisherpoint.estimation.observed import Observed
 from fisherpoint.estimation.precision import Precision, covariances
+from fisherpoint.estimation.search import spread_starts
 from fisherpoint.estimation.small_samples import output_degrees_of_freedom
-from fisherpoint.estimation.starts import spread_starts
 from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, unknowns_of
 from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
 from fisherpoint.information.draws import drawn_from_prior

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fisherpoint as fp
-from fisherpoint.estimation.record_response import RecordResponse
+from fisherpoint.estimation.response import RecordResponse
 from fisherpoint.information.candidates import CandidateSource
 from fisherpoint.information.point_information import PointInformation
 

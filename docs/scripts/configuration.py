@@ -159,7 +159,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         },
     ),
     "runs": (
-        "Runs of several segments in the place of points: with this table `fisherpoint design` and `fisherpoint campaign` look"
+        "Runs of several segments in place of points: with this table `fisherpoint design` and `fisherpoint campaign` look"
         " for runs, and `[region]` bounds the start, the inputs of every segment and its duration."
         " [Designing runs](../how_to/runs.md).",
         "[runs]\nsegments = 48\nlead_in = 4\nslew = { u = 0.5 }\n",
@@ -346,8 +346,8 @@ def _kind(schema: Mapping[str, Any], node: Mapping[str, Any]) -> str:
 
 def _limits(node: Mapping[str, Any]) -> str:
     signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-    told = [f"{sign} {node[key]:,}".replace(",", " ") for key, sign in signs.items() if key in node]
-    return f" {', '.join(told)}" if told else ""
+    limits = [f"{sign} {node[key]:,}".replace(",", " ") for key, sign in signs.items() if key in node]
+    return f" {', '.join(limits)}" if limits else ""
 
 
 def _default(table: str, key: str, node: Mapping[str, Any]) -> str:
@@ -376,13 +376,13 @@ def _arguments(function: Any) -> list[str]:
 
 def _of_rules(key: str) -> str:
     """The default of an argument of a rule, for each rule that takes it."""
-    told = []
+    defaults = []
     for rule in RULES:
         if key in _arguments(rule):
             value = getattr(rule(), key)
             kind = re.sub(r"(?<!^)(?=[A-Z])", "_", rule.__name__).lower()
-            told.append(f"{'none' if value is None else f'`{value:g}`'} (`{kind}`)")
-    return ", ".join(told)
+            defaults.append(f"{'none' if value is None else f'`{value:g}`'} (`{kind}`)")
+    return ", ".join(defaults)
 
 
 def _toml(value: object) -> str:

@@ -67,16 +67,16 @@ SHOWN = (
 
 PACKAGE = Path(fp.__file__).parent
 EVERY = ("show/style.py",)
-_OF_FIT = ("estimation/pictures.py", "show/run_time.py", "show/durations.py", "show/early_transients.py")
+_OF_FIT = ("estimation/pictures.py", "show/time_axes.py")
 DRAWN_BY = {
     "points": (
         "design/results/pictures_points.py",
         "design/results/pictures_responses.py",
         "design/results/paths.py",
-        "show/durations.py",
+        "show/time_axes.py",
     ),
-    "standard_errors": ("show/standard_errors.py",),
-    "runs": ("design/runs/run_pictures.py", "show/run_time.py", "show/durations.py", "show/early_transients.py"),
+    "standard_errors": ("show/parameter_pictures.py",),
+    "runs": ("design/runs/run_pictures.py", "show/time_axes.py"),
     "profiles": _OF_FIT,
     "time": _OF_FIT,
 }

@@ -3,7 +3,7 @@
 #
 # A servo-hydraulic cylinder stands still. Its valve can be moved, its position, its pressures and its spool are measured, and
 # nine numbers are not known: friction, mass, the oil, the leakage. This lesson finds out how to move the valve for a tenth of a
-# second so that they can be told, measures on a simulated rig, and estimates them. The code runs in a minute.
+# second so that they can be estimated, and does so on a simulated rig. The code runs in a minute.
 #
 # ## The problem
 #

@@ -27,7 +27,7 @@ quantities = {
     "outputs": {"T": "K"},
 }
 
-with warnings.catch_warnings(record=True) as told:
+with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
 
     @fp.model(**quantities)
@@ -35,7 +35,7 @@ with warnings.catch_warnings(record=True) as told:
         return [(p.eta * u.P - p.G * x.T - p.T_a) / p.C], [x.T]
 
 
-print(told[0].message)
+print(caught[0].message)
 
 # %% [markdown]
 # ```text
@@ -80,8 +80,9 @@ print(found.identifiable, found.rank)
 #
 #     null      C up 1 %, G up 1 %, eta up 1 %: no output changes; only G/C and eta/C can be identified
 #
-# No experiment of this kind tells all three: capacity, conductance and share can grow by one factor, and no temperature changes.
-# One of them has to come from elsewhere. The share of power that arrives is measured once by the supplier, say, as 0.92:
+# No experiment of this kind determines all three: capacity, conductance and share can grow by one factor, and no temperature
+# changes. One of them has to come from elsewhere. The share of power that arrives is measured once by the supplier, say, as
+# 0.92:
 
 # %%
 known = tank.fix(eta=0.92)
@@ -127,10 +128,10 @@ for name, share in plan.under_noise.rse.items():
     print(f"{name} will be known to {100 * share:.2f} %")
 
 # %% [markdown]
-# C will be known to 0.14 %, and G to 0.10 %. `efficiency_of` is the certificate: whatever six measurements of this region anyone
-# proposes, they are worth at most a thousandth more than these, each of the three twice. It holds for the model, the prior mean
-# and the noise as they were given. Whether the promised errors are kept where the truth is elsewhere, simulated experiments tell,
-# here a hundred:
+# C will be known to 0.14 %, and G to 0.10 %. `efficiency_of` is the certificate: whatever six measurements of this region
+# anyone proposes, they are worth at most a thousandth more than these, each of the three twice. It holds for the model, the
+# prior mean and the noise as they were given. A hundred simulated experiments show whether the promised errors are kept where
+# the truth is elsewhere:
 
 # %%
 fp.validate(problem, plan, runs=100).print()

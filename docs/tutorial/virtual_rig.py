@@ -1,7 +1,7 @@
 # %% [markdown]
 # # A campaign on a virtual rig
 #
-# Which experiments are best depends on the parameters that they are to tell. So one measures a few, estimates, and designs the
+# Which experiments are best depends on the parameters, which are not known yet. So one measures a few, estimates, and designs the
 # next ones where the estimate is, until everything is known well enough. This lesson does that with a rig that is simulated; with
 # a real one, only two lines are different. The code runs in seconds.
 #
@@ -40,7 +40,7 @@ rig = fp.VirtualRig(tanks, {"k1": 0.026, "k2": 0.017, "c": 0.0017}, noise_std={"
 # %%
 campaign = fp.Campaign(problem, batch=4, targets=0.005, directory="campaign", max_iterations=40)
 while not campaign.done:
-    points = campaign.next()  # the same ones until their data are told
+    points = campaign.next()  # the same ones until their data are given
     data = rig.measure(points)  # of a real rig: fp.Measurements.from_csv("measured.csv", tanks)
     campaign.tell(data)
     rse = ", ".join(f"{name} {100 * share:.2f} %" for name, share in campaign.rse.items())

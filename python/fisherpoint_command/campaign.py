@@ -164,7 +164,7 @@ def _read(config: Config, path: Path) -> fp.Measurements:
 
 def _taken(run: fp.Campaign, path: Path, data: fp.Measurements, progress: bool) -> list[str]:
     """Take the measured batch, but not twice: a command that was killed is given again."""
-    before = run.told(data)
+    before = run.known_batch(data)
     if before is not None:
         return [f"{path}: these are the data of batch {before}, which were taken before"]
     run.tell(data, progress=progress)

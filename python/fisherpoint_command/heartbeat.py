@@ -25,7 +25,7 @@ class Sign:
     def __init__(self, what: str) -> None:
         self._what, self._begin = what, perf_counter()
         self._done, self._lock, self._shows = threading.Event(), threading.Lock(), False
-        self._thread = threading.Thread(target=self._tell, daemon=True)
+        self._thread = threading.Thread(target=self._show, daemon=True)
         self._thread.start()
 
     def end(self) -> None:
@@ -36,7 +36,7 @@ class Sign:
             self._write(ERASE)
             Sign.last = perf_counter()
 
-    def _tell(self) -> None:
+    def _show(self) -> None:
         wait = max(0.0, AFTER - (perf_counter() - Sign.last))
         while not self._done.wait(wait):
             with self._lock:

@@ -34,8 +34,7 @@ def init(
         from fisherpoint.basics.messages import listed
         from fisherpoint.basics.toml_mistakes import choices
         from fisherpoint.design.file.configuration import ConfigError
-        from fisherpoint.design.file.example_files import example_texts
-        from fisherpoint.design.file.first_file import first_file
+        from fisherpoint.design.file.first_file import example_texts, first_file
 
         from .argv import shell_line
         from .terminal import check_file, say

@@ -12,6 +12,8 @@ import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
+from fisherpoint.data.measurement_files import measurements_csv
+from fisherpoint.show.numbers import counted
 
 from .frame import Frame, Outcome, Task
 from .importing import importing
@@ -23,6 +25,15 @@ if TYPE_CHECKING:
 
     from .drawing import Drawers
     from .dry_run import Row
+
+
+def measured(problem: fp.DesignProblem, points: fp.Experiments | fp.Runs, seed: int) -> tuple[str, str]:
+    """The text of a file of measurements, and in a line what was done."""
+    starts = problem.initial_state_std
+    rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise_std or {}, initial_state_std=starts, seed=seed)
+    data = rig.measure(points)
+    what = counted(len(points), points.kind)
+    return measurements_csv(data.points, data.y, problem.model), f"{what} measured virtually at the prior mean, seed {seed}"
 
 
 @framed(OutputIfAny)
@@ -132,9 +143,9 @@ def simulate(
 
         from .dry_run import about, points_row, show_plan, size_of
         from .heartbeat import alive
+        from .points import measured
         from .runs import read_points, run_report, run_simulation_csv
         from .terminal import check_file, read_config, read_data, show
-        from .virtual_data import measured
     if output:
         with importing(), needed_for("tables"):
             from fisherpoint.design.results.frames import simulation_frame

@@ -29,7 +29,7 @@ def write_shown(
 ) -> list[str]:
     """Write pictures, the result's own or others, as PNG, and after them the page of a result; return their names."""
     report = result._page_report() if report is None else report
-    return write_page(report, result._asked(), result._plots() if plots is None else plots, file, directory, drawing)
+    return write_page(report, result._problem_sections(), result._plots() if plots is None else plots, file, directory, drawing)
 
 
 def write_tables(
@@ -62,7 +62,7 @@ def write_page(
         warning = f"Interrupted while pictures were drawn; missing: {', '.join(missing)}."
         report = replace(report, warnings=[*report.warnings, warning])
     sources = {str(file): read_bytes(file).decode(errors="replace")}
-    page = to_page(report, asked=settings, pictures=pictures.values(), command=repeated(), sources=sources)
+    page = to_page(report, problem=settings, pictures=pictures.values(), command=repeated(), sources=sources)
     write_whole(directory / PAGE, page)
     if interrupted:
         raise KeyboardInterrupt

@@ -9,7 +9,7 @@ import numpy as np
 
 import fisherpoint as fp
 from checks import ALLOWED, OK, ROUNDING, TIGHT, Bench
-from fisherpoint.estimation.record_response import RecordResponse
+from fisherpoint.estimation.response import RecordResponse
 from reading import Floats
 from room import slope_room
 from scipy_route import End, course

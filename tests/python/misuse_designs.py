@@ -317,7 +317,7 @@ def design_cases() -> dict[str, Case]:
         ),
         "Campaign.load": case(fp.Campaign.load, directory=(files() / "campaign", PATH, TEXT)),
         "Campaign.is_in": case(fp.Campaign.is_in, directory=(files(), PATH, TEXT)),
-        "Campaign.told": case(lambda data: campaign().told(data), data=(data(),)),
+        "Campaign.known_batch": case(lambda data: campaign().known_batch(data), data=(data(),)),
         "RuleComparison.cheapest": case(lambda within: comparison().cheapest(within), within=(0.01, NUMBER)),
         "Campaign.tell": case(
             lambda data, progress: campaign().tell(data, progress=progress),

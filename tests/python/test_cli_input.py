@@ -21,7 +21,7 @@ pytest.importorskip("typer", reason="needs the extras")
 from cli_mistakes import DATA, DECAY, ENZYME, FILES
 from fisherpoint.basics.standard_input import held
 from fisherpoint.design.file.configuration import load_config
-from fisherpoint.design.file.example_files import PLACES, example_texts
+from fisherpoint.design.file.first_file import PLACES, example_texts
 from fisherpoint.models.toml_to_model import load_model
 from fisherpoint_command import cli
 from fisherpoint_command import heartbeat as signs
@@ -197,9 +197,9 @@ def test_examples_are_taken_from_an_installed_package_first(monkeypatch: pytest.
     assert tree.name == "examples" and str(installed).endswith("fisherpoint/examples")
     (tmp_path / "examples").mkdir()
     (tmp_path / "examples" / "one.toml").write_text("# one\n")
-    monkeypatch.setattr("fisherpoint.design.file.example_files.PLACES", (tmp_path / "examples", tree))
+    monkeypatch.setattr("fisherpoint.design.file.first_file.PLACES", (tmp_path / "examples", tree))
     assert example_texts() == {"one": "# one\n"} and example_texts(".csv") == {}
-    monkeypatch.setattr("fisherpoint.design.file.example_files.PLACES", (tmp_path / "none",))
+    monkeypatch.setattr("fisherpoint.design.file.first_file.PLACES", (tmp_path / "none",))
     with pytest.raises(ValueError, match="examples: expected the examples in the package"):
         example_texts()
     built = (ROOT / "CMakeLists.txt").read_text()

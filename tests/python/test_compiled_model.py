@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.estimation.record_response import RecordResponse
+from fisherpoint.estimation.response import RecordResponse
 from fisherpoint.models import compiled as building
 
 pytestmark = pytest.mark.skipif(building.find_compiler() is None, reason="no C++ compiler")

@@ -91,11 +91,12 @@ def test_a_trap_is_told() -> None:
     assert "1e-9 of the prior's information, to compare designs; no figure here contains it" in told
     assert "log det F of the rest" in told and np.isfinite(design.evaluation.log_det_estimable or np.inf)
     with pytest.raises(
-        ValueError, match=r"^region: .*'error' asks; no run has information on 1.00 (i_H|U_b|i_S).*, in prior std: measure other"
+        ValueError,
+        match=r"^region: .*'error' requires; no run has information on 1.00 (i_H|U_b|i_S).*, in prior std: measure other",
     ):
         fp.design_runs(problem_of(model, mean, {"T": 0.25}, region), n_starts=2, goal=fp.Goal(singular="error"))
     short = fp.RunRegion({"T_H": 296.0, "T_S": 296.0, "u": (0, 100), "dt": 60.0}, 2)
-    with pytest.raises(ValueError, match=r"^region: .*'error' asks; (these runs leave open|no run has information on) "):
+    with pytest.raises(ValueError, match=r"^region: .*'error' requires; (these runs leave open|no run has information on) "):
         fp.design_runs(problem_of(model, mean, {"T": 0.25}, short), n_starts=1, goal=fp.Goal(singular="error"))
 
 

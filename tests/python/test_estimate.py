@@ -251,10 +251,10 @@ def test_noise_of_an_output_that_can_be_fitted_exactly_is_not_told() -> None:
     """Two values for two unknowns: the likelihood grows without end as the noise vanishes, also with a prior."""
     data, prior = fp.Measurements(POINTS, line_data()), fp.GaussianPrior({"a": 2.0, "b": -0.7}, {"a": 1.0, "b": 1.0})
     few, enough = (fp.estimate(LINE, data[:count], prior) for count in (2, 9))
-    assert few.noise_not_told == ("y",)
+    assert few.noise_not_estimable == ("y",)
     assert not few.converged and few.stop_reason == "no_maximum"
     assert "not converged: the likelihood has no maximum" in str(few)
-    assert enough.converged and not enough.noise_not_told
+    assert enough.converged and not enough.noise_not_estimable
 
 
 @pytest.mark.parametrize("label", ["varies", "initial_state_std"])

@@ -16,8 +16,7 @@ from scipy.integrate import solve_ivp
 
 import fisherpoint as fp
 from fisherpoint.design.pieces.disjoint import Windows
-from fisherpoint.design.pieces.packed import Packed
-from fisherpoint.design.pieces.piece_search import PieceSearch
+from fisherpoint.design.pieces.piece_search import Packed, PieceSearch
 from oracle import Floats
 from run_cases import NOISE, THETA, tanks
 
@@ -334,7 +333,7 @@ def test_too_few_windows_say_what_they_leave_open() -> None:
     assert "determine 1 of 2 parameters" in str(one) and "singular" in str(one)
     assert one.ridge == 1e-9 and "1e-9 of the information of all windows" in " ".join(str(one).split())
     assert np.isfinite(two.log_det) and 2 in chosen(two)
-    with pytest.raises(ValueError, match=r"^n_pieces: .*'error' asks, given 1, which leave open 1.00 [ab], in prior std: pick"):
+    with pytest.raises(ValueError, match=r"^n_pieces: .*'error' requires, given 1, which leave open 1.00 [ab], in prior std: pick"):
         fp.design_pieces(problem, fp.pieces(record, model, length=5), 1, goal=fp.Goal(singular="error"))
 
 

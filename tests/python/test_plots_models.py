@@ -15,9 +15,9 @@ from fisherpoint.design.results import pictures_points
 from fisherpoint.design.results.evaluated_points import evaluate_points
 from fisherpoint.design.results.pictures import plot_points, plot_trajectories
 from fisherpoint.design.results.pictures_responses import free_axis, plot_responses
-from fisherpoint.show.durations import make_logarithmic
-from fisherpoint.show.standard_errors import standard_error_figure
+from fisherpoint.show.parameter_pictures import standard_error_figure
 from fisherpoint.show.style import said, scale
+from fisherpoint.show.time_axes import make_logarithmic
 
 
 @fp.model(states={"c": "kg/m3"}, parameters={"k": "1/s"}, outputs={"c": "kg/m3", "rate": "kg/(m3 s)"})

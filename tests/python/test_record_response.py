@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.estimation.record_response import RecordResponse
+from fisherpoint.estimation.response import RecordResponse
 from oracle import Floats
 from record_cases import T, U, motor, piecewise, tanks, valve
 
@@ -101,7 +101,7 @@ def test_rows_do_not_see_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
             alone = response(theta[b : b + 1], x0[b : b + 1])
             np.testing.assert_array_equal(alone.y[0], together.y[b])
             np.testing.assert_array_equal(alone.dy[0], together.dy[b])
-    monkeypatch.setattr("fisherpoint.estimation.record_response._BLOCK", 35)  # 7 pieces at a time
+    monkeypatch.setattr("fisherpoint.estimation.response._BLOCK", 35)  # 7 pieces at a time
     np.testing.assert_array_equal(response(theta, x0).dy, together.dy)
 
 

@@ -13,7 +13,7 @@ import fisherpoint as fp
 from fisherpoint.show.page import to_page
 from fisherpoint.show.page_pictures import for_page
 from fisherpoint.show.section import Report, Section
-from fisherpoint.show.style import telling, telling_each
+from fisherpoint.show.style import show_each_under_mouse, show_under_mouse
 from page_cases import HOSTILE, PICTURES, Page, problem, results
 
 pytest.importorskip("matplotlib")
@@ -103,7 +103,7 @@ def test_tables_of_many_points_are_whole_in_a_page(tmp_path: Path) -> None:
 def test_nobodys_text_is_taken_for_markup(tmp_path: Path) -> None:
     section = Section(HOSTILE, (HOSTILE, "value"), [(HOSTILE, "1"), ("\x1b[31m</table>", "2")], marked=[1], notes=[HOSTILE])
     report = Report(HOSTILE, [section], [HOSTILE])
-    text = to_page(report, asked=[section], command=f"fisherpoint design {HOSTILE}", sources={HOSTILE: f"a\n{HOSTILE}\n</pre>"})
+    text = to_page(report, problem=[section], command=f"fisherpoint design {HOSTILE}", sources={HOSTILE: f"a\n{HOSTILE}\n</pre>"})
     page = Page(text)
     assert text.count("<script>") == text.count("</script>") == 1 and "\x1b" not in text
     for tag in ("title", "h1", "h2", "h3", "pre", "summary", "p"):
@@ -117,7 +117,7 @@ def test_curves_tell_their_names() -> None:
 
     figure = Figure()
     axes = figure.subplots()
-    telling(axes.plot([0, 1], [1, 2]), HOSTILE, "one")
+    show_under_mouse(axes.plot([0, 1], [1, 2]), HOSTILE, "one")
     axes.set_title(HOSTILE)
     picture = for_page("a_picture", figure)
     page = Page(picture.markup)
@@ -131,7 +131,7 @@ def test_dots_tell_their_own_texts() -> None:
     from matplotlib.figure import Figure
 
     figure = Figure()
-    telling_each(figure.subplots().plot([0, 1, 2], [1, 2, 0], "o")[0], ["first", HOSTILE, "last"], "dots")
+    show_each_under_mouse(figure.subplots().plot([0, 1, 2], [1, 2, 0], "o")[0], ["first", HOSTILE, "last"], "dots")
     page = Page(for_page("a_picture", figure).markup)
     assert [text for path, text in page.texts if path[-2:] == ("use", "title")] == ["first", HOSTILE, "last"]
 

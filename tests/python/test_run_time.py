@@ -9,9 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import fisherpoint as fp
-from fisherpoint.show.durations import duration
-from fisherpoint.show.early_transients import is_crowded
-from fisherpoint.show.run_time import SHARES, RunTime, shares_of
+from fisherpoint.show.time_axes import SHARES, RunTime, duration, is_crowded, shares_of
 
 
 def test_segments_of_decades_are_equally_wide() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.estimation.record_response import RecordResponse
+from fisherpoint.estimation.response import RecordResponse
 
 pytestmark = [pytest.mark.kernels, pytest.mark.filterwarnings("ignore:.* expected its natural size")]
 

@@ -42,7 +42,7 @@ def test_a_design_of_an_unidentifiable_model_is_for_the_rest(method: str, tmp_pa
     assert evaluation.log_det == -np.inf and evaluation.rank == 2 and not design.too_few
     assert evaluation.log_det_estimable == pytest.approx(by_hand(design.points), abs=1e-9)
     assert design.value == pytest.approx(by_hand(design.points) + 2 * np.log(3), abs=1e-9)
-    (null,) = design.not_told
+    (null,) = design.not_estimable
     assert null == pytest.approx({"a": 1.0, "b": -0.5})
     # On the circle with half of the points' squares along u: det of diag(5 sum u^2, sum v^2 / 4) / 3
     best = np.log(5 * 3 / 3) + np.log(3 / 4 / 3)
@@ -57,14 +57,14 @@ def test_a_design_of_an_unidentifiable_model_is_for_the_rest(method: str, tmp_pa
     assert design.ridge == (0.0 if method == "auto" else 1e-9) and ("added to F while singular" in told) == bool(design.ridge)
     design.save(tmp_path)
     back = fp.Design.load(tmp_path)
-    assert back.not_told == design.not_told and back.ridge == design.ridge and str(back) == str(design)
+    assert back.not_estimable == design.not_estimable and back.ridge == design.ridge and str(back) == str(design)
     assert back.evaluation.log_det_estimable == evaluation.log_det_estimable
 
 
 def test_without_references_it_is_named_too() -> None:
     for method in ("auto", "paper"):
         design = fp.exchange(blind(), 6, method=fp.ExchangeMethod(method, references=False), **QUICK)
-        assert len(design.not_told) == 1 and "information on 1.00 a - 0.50 b" in words(design)
+        assert len(design.not_estimable) == 1 and "information on 1.00 a - 0.50 b" in words(design)
 
 
 def test_over_the_prior_what_is_determined_is_of_each_scenario() -> None:
@@ -100,7 +100,7 @@ def test_nothing_at_all_is_an_error() -> None:
 @pytest.mark.parametrize("method", ("auto", "paper"))
 def test_of_too_few_points_no_efficiency_is_claimed(method: str, tmp_path: Path) -> None:
     design = fp.exchange(blind(), 1, method=method, **QUICK)
-    assert design.too_few and len(design.not_told) == 1 and len(design.evaluation.null_directions) == 2
+    assert design.too_few and len(design.not_estimable) == 1 and len(design.evaluation.null_directions) == 2
     assert design.efficiency is not None and design.efficiency.at_least is None and design.efficiency.at_most is None
     assert not design.efficiency.below_random and design.ridge == 1e-9
     told = words(design)
@@ -164,7 +164,7 @@ def test_a_file_says_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("method", ("auto", "paper"))
 def test_a_sweep_is_of_what_can_be_estimated(method: str, tmp_path: Path) -> None:
     found = fp.sweep(blind(), range(1, 6), method=method, **QUICK)
-    assert [null == pytest.approx({"a": 1.0, "b": -0.5}) for null in found.not_told] == [True]
+    assert [null == pytest.approx({"a": 1.0, "b": -0.5}) for null in found.not_estimable] == [True]
     assert found[1].information == -np.inf and found[1].at_least is None and found[1].level == 2
     for size in range(2, 6):
         assert found[size].information == pytest.approx(by_hand(found[size].points) + 2 * np.log(size / 2), abs=1e-9)
@@ -241,7 +241,7 @@ def test_one_candidate_among_many_may_tell_more(among: int) -> None:
     asked = Variance("A", np.eye(3), True)
     criteria, _ = restricted_criteria(blind(), [asked], rows, np.zeros((1, 3, 3)), 2, "error", RUNS)
     assert criteria[0].name == "A"
-    with pytest.raises(ValueError, match="as singular = 'error' asks, given 1, which leave some"):
+    with pytest.raises(ValueError, match="as singular = 'error' requires, given 1, which leave some"):
         restricted_criteria(blind(), [asked], rows, np.zeros((1, 3, 3)), 1, "error", RUNS)
 
 

@@ -269,7 +269,7 @@ def test_sizes_that_cannot_tell_all_are_chosen_by_log_det() -> None:
     found = fp.sweep(quadratic(), [2, 3, 4], goal="A", n_candidates=10, max_iterations=30)
     few, enough, more = found.designs
     assert few.evaluation.rank == 2 and few.information == -np.inf and few.at_least is None
-    assert enough.at_least is not None and more.information > enough.information and not found.not_told
+    assert enough.at_least is not None and more.information > enough.information and not found.not_estimable
     for of in (enough, more):
         assert of.mean_error**2 == pytest.approx(np.trace(np.linalg.inv(of.evaluation.information)), rel=1e-6)
 
@@ -280,7 +280,7 @@ def test_criteria_ask_for_what_can_be_told(goal: fp.Goal) -> None:
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 2.0})
     problem = fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (-1.0, 1.0)}), noise_std={"y": 0.5})
     found = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, goal=goal)
-    (left,) = found.not_told
+    (left,) = found.not_estimable
     assert left["a"] / left["b"] == pytest.approx(-2.0, rel=1e-6)
     for of in found.designs:
         assert np.abs(of.points.u) == pytest.approx(1.0, abs=1e-6)
@@ -288,8 +288,8 @@ def test_criteria_ask_for_what_can_be_told(goal: fp.Goal) -> None:
         assert of.mean_error**2 == pytest.approx(0.25 / 5 / len(of.points), rel=1e-5)  # of a + 2 b, in units of its length
     strict = replace(goal, singular="error")
     with_prior = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, goal=replace(strict, prior_information=True))
-    assert not with_prior.not_told and with_prior.ridge == 0 and with_prior[1].evaluation.rank == 2
-    with pytest.raises(ValueError, match=r"^region: expected points that determine all parameters, as singular = 'error' asks"):
+    assert not with_prior.not_estimable and with_prior.ridge == 0 and with_prior[1].evaluation.rank == 2
+    with pytest.raises(ValueError, match=r"^region: expected points that determine all parameters, as singular = 'error' requires"):
         fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, goal=strict)
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fisherpoint.engine import _core
-from fisherpoint.models.tape.operations import TABLE
-from fisherpoint.models.tape.program import Program, to_core
+from fisherpoint.models.tape.program import TABLE, Program, to_core
 
 PLACES = [operation.name for operation in TABLE]
 

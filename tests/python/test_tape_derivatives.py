@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fisherpoint.models.tape.differentiate import gradient, rates_along
 from fisherpoint.models.tape.graph import Graph
-from fisherpoint.models.tape.operations import OPERATIONS
+from fisherpoint.models.tape.program import OPERATIONS
 from fisherpoint.models.tape.schedule import schedule
 from tape_cases import at, small_graph
 

@@ -15,8 +15,7 @@ from fisherpoint.models.tape.branch import Select
 from fisherpoint.models.tape.differentiate import gradient
 from fisherpoint.models.tape.from_sympy import nodes_of
 from fisherpoint.models.tape.graph import Graph, Leaves
-from fisherpoint.models.tape.operations import TABLE
-from fisherpoint.models.tape.program import Program
+from fisherpoint.models.tape.program import TABLE, Program
 from fisherpoint.models.tape.schedule import schedule
 from oracle import Floats
 

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fisherpoint.models.tape.graph import STAGE, Graph, Leaves
-from fisherpoint.models.tape.operations import CODES, OPERATIONS, TABLE
-from fisherpoint.models.tape.program import Program
+from fisherpoint.models.tape.program import CODES, OPERATIONS, TABLE, Program
 from fisherpoint.models.tape.schedule import schedule
 from oracle import Floats
 from tape_cases import small_graph, written

@@ -10,7 +10,7 @@ import pytest
 import fisherpoint as fp
 from conftest import random_points
 from defaults import MODEL
-from fisherpoint.information.longest_durations import SHORT, longest
+from fisherpoint.information.pilot_nodes import SHORT, longest
 
 pytestmark = pytest.mark.kernels
 

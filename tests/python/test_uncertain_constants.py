@@ -272,7 +272,7 @@ def test_a_singular_design_names_parameters_alone() -> None:
     design = fp.exchange(given, 3, n_candidates=20)
     assert design.evaluation.rank == 1
     assert [set(direction) for direction in design.evaluation.null_directions] == [{"a", "b"}]
-    assert [set(direction) for direction in design.not_told] == [{"a", "b"}]
+    assert [set(direction) for direction in design.not_estimable] == [{"a", "b"}]
     weights = fp.approximate_design(given, design.points, n_experiments=3)
     assert [set(direction) for direction in weights.null_directions] == [{"a", "b"}]
 

@@ -193,9 +193,9 @@ def same_zero(given: str, wanted: str) -> bool:
     return not _zero_between(given, wanted)
 
 
-def unit_value(text: str, place: str = "unit") -> UnitValue:
+def unit_value(text: str) -> UnitValue:
     """What a unit is in base units."""
-    return _read(text, place)
+    return _read(text, "unit")
 
 
 def dimension(powers: tuple[Fraction, ...]) -> str:

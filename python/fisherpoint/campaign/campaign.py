@@ -275,7 +275,7 @@ class Campaign(Shown):
         expected = (len(model.states), len(model.inputs), len(model.outputs))
         if given != expected:
             raise ValueError(f"data: expected {expected} states, inputs and outputs of {model.name}, given {given}")
-        number = self.told(data)
+        number = self.known_batch(data)
         if number is not None:
             raise ValueError(f"data: expected new measurements, given those of batch {number} again")
         check_new([one.data for one in self.history], data)
@@ -295,7 +295,7 @@ class Campaign(Shown):
         self._fit = fit
         return fit
 
-    def told(self, data: Measurements) -> int | None:
+    def known_batch(self, data: Measurements) -> int | None:
         """The number, from 1, of the batch that has exactly these data; None where they are new."""
         check_type(data, Measurements, "data")
         return next((k for k, one in enumerate(self.history, 1) if one.data == data), None)
@@ -328,7 +328,7 @@ class Campaign(Shown):
         table = segments_table(model, runs, title) if planned is runs else points_section(title, model, runs.starts)
         return replace(report, sections=[*report.sections, table])
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:

@@ -30,9 +30,17 @@ from .fit import Fit
 from .known_noise import KnownNoise
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
 from .observed import Observed, check_outputs
-from .search import SAME_MINIMUM, FoundMinimum, search_with_known_noise, search_with_unknown_noise
+from .search import (
+    MOST_STARTS,
+    SAME_MINIMUM,
+    FoundMinimum,
+    evaluable_starts,
+    further_starts,
+    search_with_known_noise,
+    search_with_unknown_noise,
+    start_guess,
+)
 from .small_samples import unbiased
-from .starts import MOST_STARTS, evaluable_starts, further_starts, start_guess
 from .unknown_noise import check_noise_is_determined
 from .unknowns import checked_bounds, prior_factor, unknowns_of
 from .weighting import WeightedResiduals, noise_covariance
@@ -277,7 +285,7 @@ def _with_unbiased_noise(fit: Fit) -> Fit:
 
     Where the likelihood grows without end as the noise of an output that can be fitted exactly vanishes, it has not converged.
     """
-    if fit.noise_not_told:
+    if fit.noise_not_estimable:
         fit = replace(fit, stop_reason=StopReason.no_maximum)
     counts = np.isfinite(fit.residuals).sum(axis=0)
     covariance = unbiased(fit.noise_covariance[None], fit.output_degrees_of_freedom[None], counts)[0]

@@ -81,7 +81,7 @@ class Fit(FitStatistics, Shown):
         """The fit as tables, with the profile likelihoods that were computed."""
         return fit_report(self, profiles)
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         sections = [Section("Fit", (), fit_facts(self))]
         return sections if self.prior is None else [*sections, prior_section(self.prior, self.model.parameters)]
 

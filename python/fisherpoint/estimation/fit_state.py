@@ -22,10 +22,9 @@ from ..points.settings import resolve_threads
 from ..prior.gaussian import GaussianPrior
 from .nuisance import Nuisance, known_beforehand
 from .observed import Observed, check_outputs
-from .run_error import RunError
 from .statistics import FitStatistics
 from .unknowns import Unknowns, prior_factor
-from .weighting import WeightedResiduals
+from .weighting import RunError, WeightedResiduals
 
 
 @dataclass(frozen=True, eq=False)

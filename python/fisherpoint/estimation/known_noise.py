@@ -17,7 +17,7 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import Integration
 from ..prior.rules import LinearizedRule, Rule
-from .run_error import RunError, run_errors
+from .weighting import RunError, run_errors
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,7 @@ from ..points.parameter_checks import sensible
 from ..points.runs import Runs
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
-from .record_response import RecordResponse
-from .response import Response, response_of_runs
+from .response import RecordResponse, Response, response_of_runs
 
 EPSILON = float(np.finfo(np.float64).eps)
 

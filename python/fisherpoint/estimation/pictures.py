@@ -20,10 +20,21 @@ from ..data import Record
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
 from ..points.settings import checked_arguments
-from ..show.correlation import draw_correlation
-from ..show.early_transients import is_crowded, make_logarithmic_from_zero
-from ..show.run_time import RunTime, shares_of
-from ..show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, Picture, labelled, said, scale, telling, telling_each
+from ..show.parameter_pictures import draw_correlation
+from ..show.style import (
+    CRITERION,
+    NOISE,
+    PRIOR,
+    STYLE,
+    TEXT,
+    Picture,
+    labelled,
+    said,
+    scale,
+    show_each_under_mouse,
+    show_under_mouse,
+)
+from ..show.time_axes import RunTime, is_crowded, make_logarithmic_from_zero, shares_of
 from .profile_curve import ProfileCurve
 from .statistics import FitStatistics
 
@@ -238,7 +249,7 @@ def plot_time(fit: FitStatistics) -> Figure:
                 color = TEXT if few else PRIOR
                 (dots,) = axes.plot(at[measured_here], factor * y[measured_here], linestyle="", color=color, zorder=2, **size)
                 handles = handles or [line, dots]
-                telling([line], f"{quantity.name} as simulated", f"simulated-{column}-{i}")
+                show_under_mouse([line], f"{quantity.name} as simulated", f"simulated-{column}-{i}")
                 _name_samples(fit, dots, np.arange(rows.start, rows.stop)[measured_here], i)
                 rms = np.sqrt(np.mean(np.square(fit.residuals[rows, i][measured_here]))) if measured_here.any() else np.nan
                 text = f"root mean square of the residuals {said(quantity, rms)}"
@@ -301,7 +312,7 @@ def _name_samples(fit: FitStatistics, dots: Line2D, samples: NDArray[np.intp], i
         f"predicted {said(quantity, fit.predicted[k, i])}, off by {fit.standardised[k, i]:+.2f} std of the noise"
         for k in samples.tolist()
     ]
-    telling_each(dots, texts, f"samples-{i}-{samples[0]}")
+    show_each_under_mouse(dots, texts, f"samples-{i}-{samples[0]}")
 
 
 def _joint_quantile(level: float, degrees: float) -> float:

@@ -27,9 +27,9 @@ NUMERICAL = 1000.0
 """Multiple of the numerical error of an output up to which its estimated noise is said to be near it."""
 
 
-def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = (), level: float = 0.95) -> Report:
+def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Report:
     """The report of a fit, with the profile likelihoods that were computed."""
-    tables = [*sections(fit, level), *([_profiles(profiles)] if profiles else []), Section("Fit", (), list(facts(fit)))]
+    tables = [*sections(fit), *([_profiles(profiles)] if profiles else []), Section("Fit", (), list(facts(fit)))]
     better = [f"{one.name}: a better estimate was found on the profile; give more starts" for one in profiles if one.better]
     return Report(headline(fit), tables, [*warnings(fit), *better])
 
@@ -58,9 +58,9 @@ def fit_facts(fit: FitStatistics) -> list[tuple[str, str]]:
     ]
 
 
-def sections(fit: FitStatistics, level: float = 0.95) -> Iterator[Section]:
+def sections(fit: FitStatistics) -> Iterator[Section]:
     """The tables: unknowns, outputs, and noise beside residuals."""
-    yield _unknowns(fit, level)
+    yield _unknowns(fit)
     if fit.prior is not None and fit.weighted.prior_factor is not None:
         yield _beside_prior(fit, fit.prior)
     yield _outputs(fit)
@@ -106,7 +106,7 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
         elif test.p_value is not None and test.p_value > 1 - OFF:
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
     yield from _beside_numerical_error(fit)
-    for name in fit.noise_not_told:
+    for name in fit.noise_not_estimable:
         yield f"{name}: the unknowns fit it exactly, so its noise cannot be estimated: give noise_std, or measure more"
     if fit.starts > 1 and fit.reached == 1:
         yield f"only one of {fit.starts} starts reached this minimum: more starts may find a better one"
@@ -140,9 +140,9 @@ def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
 # Tables
 
 
-def _unknowns(fit: FitStatistics, level: float) -> Section:
-    units, errors, intervals = fit.units, fit.standard_errors, fit.intervals(level)
-    columns = ("parameter", "unit", "estimate", "std error", "RSE", f"{100 * level:g} % interval")
+def _unknowns(fit: FitStatistics) -> Section:
+    units, errors, intervals = fit.units, fit.standard_errors, fit.intervals()
+    columns = ("parameter", "unit", "estimate", "std error", "RSE", "95 % interval")
     rows: list[tuple[str, ...]] = []
     for name, value in fit.estimate.items():
         error, (low, high) = errors[name], intervals[name]

@@ -1,17 +1,23 @@
-"""Predicted outputs of runs and their derivatives by parameters, for many sets of unknowns at once."""
+"""Predicted outputs of runs and records and their derivatives, for many sets of unknowns at once."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from ..basics.checks import check_type
+from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
-from ..data.record_trajectory import first_failure
+from ..data.record import Record
+from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
+from ..points.parameter_checks import sensible
 from ..points.run_trajectories import checked_run_sensitivities, checked_run_trajectories
 from ..points.runs import Runs
-from ..points.settings import Integration
+from ..points.settings import Integration, check_rtol, resolve_threads
 from ..points.status import Status
 
 MOST_SEGMENTS = 200_000
@@ -50,3 +56,192 @@ def response_of_runs(model: Model, runs: Runs, theta: Array, columns: list[int],
         dy[some] = done.dy_dtheta[many.measured][..., columns].reshape(len(rows), n_samples, n_y, -1)
         status[some] = done.status.reshape(len(rows), n_runs)
     return Response(y, dy, first_failure(status))
+
+
+_BLOCK = 1 << 14
+"""Pieces whose sensitivities are held at a time."""
+
+_MOST = 1 << 23
+"""Numbers of S that are held at a time where records are followed in one."""
+
+
+class RecordResponse:
+    """The response of a record for many sets of unknowns at once.
+
+    The states come first, piece after piece. Then every piece between two samples is an experiment point of its own, which starts
+    where the last one ended, so that the pieces of all records run side by side: they give Gamma_n = dx_{n+1}/dtheta and
+    Phi_n = dx_{n+1}/dx_n. With S_n = dx_n/d(theta, start) the chain rule carries them along the record,
+
+        S_{n+1} = Phi_n S_n + Gamma_n,    dy_n = g_x S_n + g_theta,
+
+    from S_0 = 0 in the columns of parameters, and the identity's in those of unknown starts. Where a piece ends next to a jump, the
+    pieces by themselves do not know which of them passes it; such a record is followed in one.
+
+    Parameters
+    ----------
+    model : Model
+        A jump that is not in `Model.crossable` ends a record as `Status.met_jump`.
+    record : Record
+    columns : sequence of int
+        Places, among the model's parameters, of those by which to differentiate.
+    rtol : float
+        Tolerance of each piece.
+    threads : int, optional
+        Number of threads; the default is every core.
+
+    Attributes
+    ----------
+    starts : tuple of str
+        States whose start is not known, in the model's order.
+
+    Raises
+    ------
+    ValueError
+        Where the record is not one of the model.
+    """
+
+    def __init__(
+        self, model: Model, record: Record, columns: Sequence[int], rtol: float = 1e-6, threads: int | None = None
+    ) -> None:
+        check_type(model, Model, "model")
+        check_type(record, Record, "record")
+        rtol = check_rtol(rtol)
+        record.check(model)
+        self.model, self.record = model, record
+        self.columns = np.array(columns, dtype=np.intp).reshape(-1)
+        p = len(model.parameters)
+        if len(set(self.columns.tolist())) < len(self.columns) or not ((self.columns >= 0) & (self.columns < p)).all():
+            raise ValueError(f"columns: expected different indices below {p}, given {self.columns.tolist()}")
+        self._free = np.array([i for i, name in enumerate(names_of(model.states)) if name not in record.x0], dtype=np.intp)
+        self.starts = tuple(names_of(model.states)[i] for i in self._free)
+        self._settings = Integration(rtol, threads=resolve_threads(threads))
+
+    def __call__(self, theta: Array, x0: Array) -> Response:
+        """Respond to B sets of unknowns.
+
+        Parameters
+        ----------
+        theta : ndarray, (B, p)
+            All parameters of the model.
+        x0 : ndarray, (B, n_x)
+            The full state at the first sample.
+
+        Returns
+        -------
+        Response
+            y (B, N, n_y), dy (B, N, n_y, P) and status (B,), with P = len(columns) + len(starts) and the starts last.
+        """
+        count, (n_x, p) = len(theta), (len(self.model.states), len(self.model.parameters))
+        for name, array, width in (("theta", theta, p), ("x0", x0, n_x)):
+            if array.shape != (count, width):
+                raise ValueError(f"{name}: expected shape ({count}, {width}), given {array.shape}")
+        sizes = (count, len(self.record), len(self.model.outputs))
+        y, dy = np.zeros(sizes), np.zeros((*sizes, len(self.columns) + len(self.starts)))
+        status = self._sense(theta, x0)
+        rows = np.flatnonzero(status == Status.ok)
+        if len(rows):
+            x, y[rows], status[rows], _ = record_trajectories(
+                self.model, theta[rows], x0[rows], self.record.since, self.record.u, self._settings
+            )
+            kept = status[rows] == Status.ok
+            rows, x = rows[kept], x[kept]
+        if len(rows):
+            follow = self._static if not n_x else self._in_one if self.model.latches else self._carried  # latches remember
+            dy[rows], status[rows] = follow(theta[rows], x)
+        finite = np.isfinite(dy).all(axis=(1, 2, 3))
+        status[(status == Status.ok) & ~finite] = Status.not_finite
+        y[status != Status.ok], dy[status != Status.ok] = 0.0, 0.0
+        return Response(y, dy, status)
+
+    def _sense(self, theta: Array, x0: Array) -> IntArray:
+        """Statuses of rows that need no trajectory to be refused."""
+        status = np.where(np.isfinite(theta).all(axis=1) & np.isfinite(x0).all(axis=1), Status.ok, Status.not_finite)
+        rows = np.flatnonzero(status == Status.ok)
+        status[rows[~sensible(self.model, theta[rows])]] = Status.left_domain
+        return status.astype(np.int32)
+
+    def _static(self, theta: Array, _: Array) -> tuple[Array, IntArray]:
+        """Derivatives of the outputs of a model without states, each sample a point of its own."""
+        count, samples = len(theta), len(self.record)
+        none, ones = np.empty((count * samples, 0)), np.ones(count * samples)
+        points = (none, np.tile(self.record.u, (count, 1)), ones, np.repeat(theta, samples, axis=0))
+        _, _, _, dy, status = self.model.kernels.sensitivities(self.model.core, *points, *self._settings, outputs_alone=True)
+        dy = dy[..., self.columns].reshape(count, samples, dy.shape[1], len(self.columns))
+        return dy, first_failure(status.reshape(count, samples))
+
+    def _in_one(self, theta: Array, x: Array) -> tuple[Array, IntArray]:
+        """Derivatives by whole trajectories, some records at a time: slower, where a record is long."""
+        model, (count, samples, n_x), p = (
+            self.model.free_start(*self.starts) if self.starts else self.model,
+            x.shape,
+            theta.shape[1],
+        )
+        columns = np.concatenate([self.columns, p + np.arange(len(self.starts))])
+        dy, status = np.empty((count, samples, len(model.outputs), len(columns))), np.empty(count, dtype=np.int32)
+        given = np.column_stack([theta, np.zeros((count, len(self.starts)))])
+        each = max(1, _MOST // (samples * n_x * given.shape[1]))
+        for first in range(0, count, each):
+            rows = slice(first, min(first + each, count))
+            values, n = given[rows], rows.stop - first
+            u, dt = (np.repeat(of[None], n, axis=0) for of in (self.record.u[:-1], np.diff(self.record.t)))
+            measured = np.zeros(dt.shape, dtype=bool)
+            _, _, dx, _, status[rows], _ = model.kernels.run_sensitivities(
+                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, s=np.empty(0), doubts=True
+            )
+            s = np.concatenate([np.zeros((n, 1, n_x, dx.shape[3])), dx], axis=1)[..., columns]
+            s[..., self._free, len(self.columns) + np.arange(len(self.starts))] += 1.0
+            points = x[rows].reshape(-1, n_x), np.tile(self.record.u, (n, 1)), np.repeat(values, samples, axis=0)
+            offsets = np.column_stack([points[2][:, :p], np.zeros((len(points[2]), n_x))])
+            g = self._shifted.core.output_jacobian(*points[:2], offsets).reshape(n, samples, -1, p + n_x)
+            doubtful = np.isnan(s)
+            with np.errstate(all="ignore"):  # what overflows is given a status
+                dy[rows] = g[..., p:] @ np.where(doubtful, 0.0, s)
+                dy[rows, ..., : len(self.columns)] += g[..., self.columns]
+            # A sample whose outputs feel a jump that is met in its instant has no derivative, and adds no information.
+            felt = ((g[..., p:] != 0).astype(float) @ doubtful).any(axis=(-2, -1))
+            dy[rows][felt] = 0.0
+        return dy, status
+
+    @cached_property
+    def _shifted(self) -> Model:
+        """The model with offsets of all states as further parameters: by these its derivatives are those by the state."""
+        return self.model.free_start(*names_of(self.model.states))
+
+    def _carried(self, theta: Array, x: Array) -> tuple[Array, IntArray]:
+        """dy (B, N, n_y, P) along trajectories x (B, N, n_x), and statuses."""
+        (count, samples, n_x), p, unknowns = x.shape, theta.shape[1], len(self.columns)
+        model, u, dt = self._shifted, self.record.u, np.diff(self.record.t)
+        offsets = np.column_stack([theta, np.zeros((count, n_x))])
+        status = np.zeros(count, dtype=np.int32)
+        dy = np.empty((count, samples, len(model.outputs), unknowns + len(self.starts)))
+        s = np.zeros((count, n_x, dy.shape[3]))
+        s[:, self._free, unknowns + np.arange(len(self.starts))] = 1.0
+        length = max(_BLOCK // count, 1)
+        for first in range(0, samples, length):
+            at = slice(first, min(first + length, samples))
+            n, pieces = at.stop - first, min(at.stop, samples - 1) - first
+            # In time's order, all records of a sample together.
+            states = model.at(x[:, at], self.record.since[at]).swapaxes(0, 1).reshape(n * count, -1)
+            rows = states, np.repeat(u[at], count, axis=0), np.tile(offsets, (n, 1))
+            g = model.core.output_jacobian(*rows).reshape(n, count, -1, p + n_x)
+            states, inputs, parameters = (of[: pieces * count] for of in rows)
+            _, _, slopes, _, ended = model.kernels.sensitivities(
+                model.core, states, inputs, np.repeat(dt[at], count), parameters, *self._settings, whole_first=True
+            )
+            ended, slopes = ended.reshape(pieces, count), slopes.reshape(pieces, count, n_x, p + n_x)
+            status = np.where(status == Status.ok, first_failure(ended.T), status)
+            gamma, phi = slopes[..., self.columns], np.ascontiguousarray(slopes[..., p:]) + np.eye(n_x)
+            along = np.empty((n, *s.shape))
+            with np.errstate(all="ignore"):  # what overflows is given a status
+                for k in range(n):
+                    along[k] = s
+                    if k < pieces:
+                        s = phi[k] @ s
+                        s[..., :unknowns] += gamma[k]
+                slope = g[..., p:] @ along
+            slope[..., :unknowns] += g[..., self.columns]
+            dy[:, at] = slope.swapaxes(0, 1)
+        unsure = np.flatnonzero(status == Status.on_jump)
+        if len(unsure):
+            dy[unsure], status[unsure] = self._in_one(theta[unsure], x[unsure])
+        return dy, status

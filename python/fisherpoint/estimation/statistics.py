@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,8 +16,10 @@ from ..basics.values import Array, FrozenMapping, relative_errors
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
+from ..points.predictive import predictive_covariance
+from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
-from .apriori import apriori_covariance
+from ..prior.rules import DEFAULT_RULE
 from .nuisance import Nuisance
 from .precision import Precision, in_words, quantile
 from .small_samples import Inflated, inflated, output_degrees_of_freedom
@@ -244,7 +246,7 @@ class FitStatistics:
         return tuple(name for name, test in self.tests.items() if test.p_value is not None and test.p_value < OFF)
 
     @property
-    def noise_not_told(self) -> tuple[str, ...]:
+    def noise_not_estimable(self) -> tuple[str, ...]:
         """Outputs whose noise was to be estimated, but which the unknowns fit exactly, so that the estimated noise is zero."""
         if self.noise_known:
             return ()
@@ -320,3 +322,29 @@ class FitStatistics:
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))
+
+
+def apriori_covariance(
+    model: Model, data: Sequence[Measurements | Record], prior: GaussianPrior | None, estimated: Collection[str], noise: Array
+) -> Array | None:
+    """The noise's covariance plus the mean predictive covariance (16) of the points over the prior, (n_y, n_y).
+
+    None where there is no prior of all parameters, where there are records or runs, and where no point has its trajectories.
+    """
+    names = names_of(model.parameters)
+    measured = [part for part in data if isinstance(part, Measurements)]
+    if prior is None or set(names) - set(prior.names) or len(measured) < len(data):
+        return None
+    runs = Measurements.join(measured).runs
+    points = runs.points
+    if points is None:
+        return None
+    first, of = runs.distinct()
+    counts = np.bincount(of)
+    varied = tuple(name for name in names if name in estimated)
+    spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, jumps="cross", parameters=varied)
+    ok = spread.status == Status.ok
+    if not ok.any():
+        return None
+    mean: Array = np.average(spread.covariance[ok], axis=0, weights=counts[ok])
+    return mean + noise

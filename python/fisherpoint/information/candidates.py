@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -11,16 +11,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.messages import listed
+from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
+from ..models import Model
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
+from ..prior.gaussian import GaussianPrior
+from ..prior.rules import Rule
 from .assumed import starts_near
 from .point_information import PointInformation, point_sensitivities, with_linearized_covariance
 from .problem import DesignProblem
-from .sign_changes import of_other_sign
 from .validity import Validity
+
+
+def of_other_sign(
+    model: Model, prior: GaussianPrior, rule: Rule, varied: Sequence[str], scenarios: Iterable[Array] = ()
+) -> list[str]:
+    """The names of those, at a node of the rule or in a scenario (p,)."""
+    found = []
+    everywhere = np.array(list(scenarios)).reshape(-1, len(model.parameters))
+    for i, name in enumerate(names_of(model.parameters)):
+        if name in prior.log or name not in varied:
+            continue
+        values = everywhere[:, i]
+        try:
+            values = np.append(values, rule.nodes(prior.marginal([name]))[0])
+        except ValueError:  # a rule that says for other parameters too what it does
+            values = np.append(values, prior.mean[name] + np.array([-1.0, 1.0]) * prior.std[name])
+        if (values * prior.mean[name] < 0).any():
+            found.append(name)
+    return found
+
 
 MAX_DRAWN_PER_CANDIDATE = 2000
 """Draws after which a region counts as one in which nothing survives."""

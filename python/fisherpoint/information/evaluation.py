@@ -167,8 +167,7 @@ class Evaluation(Shown, Kept):
         """
         check_choice(kind, ("standard_errors", "correlation"), "kind")
         with needed_for("plot"):
-            from ..show.correlation import correlation_figure
-            from ..show.standard_errors import standard_error_figure
+            from ..show.parameter_pictures import correlation_figure, standard_error_figure
             from ..show.style import drawn
 
         own_d = f'the D of the criterion ("{self.output_covariance_kind}")'

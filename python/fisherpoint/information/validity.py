@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ..basics.values import Array, IntArray
 from ..points.experiments import Experiments
 from ..points.status import Status
-from .longest_durations import SHORT
-from .pilot_nodes import PilotNodes, fatal, lasting
+from .pilot_nodes import SHORT, PilotNodes, fatal, lasting
 from .point_information import PointInformation, statuses_over_nodes, with_covariance
 from .problem import DesignProblem
 

@@ -195,7 +195,7 @@ class Model(ABC):
         return self.symbolic().within(*limits)
 
     def limit_text(self, place: int) -> str:
-        """What a limit asks for: "h > 0", "h other than 0" of a pole, a limit along the way as it was written."""
+        """The condition of a limit: "h > 0", "h other than 0" of a pole, a limit along the way as it was written."""
         name = self.domain[place]
         return name if name in self.along else f"{name} other than 0" if place < len(self.poles) else f"{name} > 0"
 

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Sequence
 
 from ..basics.quantity import Quantity
 from .base import Model
-from .tape.operations import TABLE
-from .tape.program import Program
+from .tape.program import TABLE, Program
 from .tape.programs import Programs
 
 _FORMS = {

@@ -16,8 +16,7 @@ from ..basics.formulas import ARGUMENTS, Formula, Reader
 from .expressions import MAX_EXPONENT, checked
 from .functions import FUNCTIONS, latch
 from .tape.latch import as_condition, holds
-from .tape.numbers import exact, exact_exponent, is_number
-from .tape.parts import compared
+from .tape.parts import compared, exact, exact_exponent, is_number
 from .terms import Term, applied, divided
 
 

@@ -16,8 +16,7 @@ from ..basics.messages import listed, shortened, shown
 from .tape.defined import Defined
 from .tape.kinds import KINDS
 from .tape.latch import Latch
-from .tape.numbers import is_number, with_exact_numbers
-from .tape.parts import cases, check_size, parts, rebuilt, replaced, symbols_of
+from .tape.parts import cases, check_size, is_number, parts, rebuilt, replaced, symbols_of, with_exact_numbers
 
 MAX_EXPONENT = 1000
 """The largest number as an exponent; sympy works powers of numbers out to the last digit."""

@@ -17,8 +17,7 @@ from .surfaces.limits import left_out
 from .surfaces.printing import to_text
 from .tape.defined import Defined, defined
 from .tape.latch import as_condition
-from .tape.numbers import exact, exact_exponent
-from .tape.parts import cases, compared
+from .tape.parts import cases, compared, exact, exact_exponent
 
 OF_CONDITIONS = (
     "expected conditions, with brackets around each comparison: (a > 0) & (b > 0), (a > 0) | (b > 0), ~(a > 0); "

@@ -35,7 +35,7 @@ def broken_limits(
     Returns
     -------
     tuple of str or None
-        A limit of `model.domain` as what it asks for, such as "h > 0", or a limit along the way as it was written; with " at the
+        A limit of `model.domain` as its condition, such as "h > 0", or a limit along the way as it was written; with " at the
         start" where the start breaks it. None where the trajectory ends otherwise.
 
     Raises

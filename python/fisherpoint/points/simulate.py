@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ..basics.checks import check_type
+from ..basics.values import Array
 from ..models import Model
 from .natural_sizes import warn_of_small_states
 from .run_trajectories import checked_run_sensitivities, checked_run_trajectories
 from .runs import Points, as_runs
 from .settings import checked_arguments
 from .trajectories import Sensitivities, Trajectories
-from .unstable import warn_of_unstable
 
 
 def simulate(
@@ -92,3 +94,36 @@ def sensitivities(
     warn_of_small_states(model, "the trajectories keep", points.x0, result.x)
     warn_of_unstable(model, theta, result.x, result.dx_dtheta)
     return result if points is runs else result.of_points()
+
+
+GROWN = 1e6
+"""Relative change of a state over that of a parameter, from which on errors of 1e-6 grow as large as the state."""
+
+
+def warn_of_unstable(model: Model, theta: Array, x: Array, dx_dtheta: Array) -> None:
+    """Warn of the state that changes most with a parameter, where that is too much for tolerances to mean something.
+
+    Parameters
+    ----------
+    model : Model
+    theta : (p,) or (K, p)
+    x : (K, ..., n_x)
+    dx_dtheta : (K, ..., n_x, p)
+    """
+    if not dx_dtheta.size:
+        return
+    scales = np.array([quantity.scale or 1.0 for quantity in model.states])
+    size = np.maximum(scales, np.abs(x).reshape(-1, len(scales)).max(axis=0))
+    changes = np.atleast_2d(theta).reshape(-1, *(1,) * (dx_dtheta.ndim - 2), dx_dtheta.shape[-1])
+    with np.errstate(over="ignore"):
+        grown = (np.abs(dx_dtheta * changes) / size[:, np.newaxis]).reshape(-1, *dx_dtheta.shape[-2:]).max(axis=0)
+    i, j = np.unravel_index(int(grown.argmax()), grown.shape)
+    if grown[i, j] > GROWN:
+        state, parameter = model.states[int(i)].name, model.parameters[int(j)].name
+        warnings.warn(
+            f"{state}: expected trajectories that small changes leave nearly as they are, found one that changes"
+            f" {grown[i, j]:.1g} times as much as {parameter}: rtol holds for each step, and such errors grow until the end."
+            " Shorter durations are more informative",
+            RuntimeWarning,
+            stacklevel=3,
+        )

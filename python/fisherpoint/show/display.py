@@ -59,13 +59,13 @@ class Shown(ABC):
                 from .page_pictures import for_page
 
             drawn = [for_page(name, plot()) for name, plot in plots.items()]
-        write_whole(path, to_page(self._page_report(), asked=self._asked(), pictures=drawn))
+        write_whole(path, to_page(self._page_report(), problem=self._problem_sections(), pictures=drawn))
 
     def _page_report(self) -> Report:
         """The report of the page, where long tables have room."""
         return self.report()
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         """The problem and the settings."""
         return ()
 

@@ -37,7 +37,7 @@ class PagePicture:
 def to_page(
     report: Report,
     *,
-    asked: Sequence[Section] = (),
+    problem: Sequence[Section] = (),
     pictures: Iterable[PagePicture] = (),
     command: str = "",
     sources: Mapping[str, str] | None = None,
@@ -47,7 +47,7 @@ def to_page(
     Parameters
     ----------
     report : Report
-    asked : sequence of Section
+    problem : sequence of Section
         The problem and the settings.
     pictures : iterable of PagePicture
     command : str
@@ -59,7 +59,7 @@ def to_page(
     parts = [f"<h1>{_text(title)}</h1>"]
     parts += [f'<p class="lead">{_text(line)}</p>' for line in report.lines]
     parts += [f'<p class="warning" role="note"><b>Warning:</b> {_text(warning)}</p>' for warning in report.warnings]
-    parts += _problem(asked, command, sources or {})
+    parts += _problem(problem, command, sources or {})
     for section in report.sections:
         parts += _section(section, "h2")
     drawn = [_figure(picture) for picture in pictures]

@@ -52,16 +52,16 @@ LABELLED = "label-"
 """Prefix of the ids of curves whose labels a page shows where the mouse is."""
 
 
-def telling(curves: Iterable[Artist], label: str, name: str) -> None:
+def show_under_mouse(curves: Iterable[Artist], label: str, name: str) -> None:
     """Show a text where the mouse is on curves and areas in a page; `name` is theirs in the picture."""
     for k, curve in enumerate(curves):
         curve.set_gid(f"{LABELLED}{name}-{k}")
         curve.set_label(label)
 
 
-def telling_each(dots: Line2D, texts: Iterable[str], name: str) -> None:
+def show_each_under_mouse(dots: Line2D, texts: Iterable[str], name: str) -> None:
     """Show a text for each dot of a line without gaps where the mouse is on it, in a page."""
-    telling([dots], "\n".join(texts), name)
+    show_under_mouse([dots], "\n".join(texts), name)
 
 
 def scale(quantity: Quantity, values: ArrayLike) -> tuple[float, str]:

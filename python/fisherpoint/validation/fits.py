@@ -16,12 +16,11 @@ from ..estimation.least_squares import CONVERGED, ENDS
 from ..estimation.nuisance import known_beforehand, nuisance_of
 from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
-from ..estimation.run_error import RunError, run_errors
+from ..estimation.search import evaluable_starts
 from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
-from ..estimation.starts import evaluable_starts
 from ..estimation.unknown_noise import check_noise_is_determined, correlations_can_be_estimated
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
-from ..estimation.weighting import WeightedResiduals, noise_covariance
+from ..estimation.weighting import RunError, WeightedResiduals, noise_covariance, run_errors
 from ..information.problem import DesignProblem
 from ..information.run_information import information_of
 from ..points.runs import Points, as_runs

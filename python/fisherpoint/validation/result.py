@@ -73,7 +73,7 @@ class Validation(ValidatedDesigns, Shown, Kept):
 
         return drawn(plot_validation(self.designs), path)
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return problem_sections(self.problem)
 
     def _plots(self) -> Plots:

@@ -20,7 +20,7 @@ from ...show.progress import Progress, check_progress, following
 from ..candidates.candidate_rows import CandidateRows
 from ..candidates.point_rows import PointRows, check_additive
 from ..goal.averaged_criterion import MOST_OF_ALL, Averaged, EstimableOver, parted
-from ..goal.estimability import NOT_TOLD, determined, not_told
+from ..goal.estimability import NOT_ESTIMABLE, determined, not_estimable
 from ..goal.estimable_space import estimable
 from ..goal.goal import Goal, goal_of
 from ..goal.goal_criterion import criterion_of, known_beforehand
@@ -138,16 +138,16 @@ def approximate_design(
         points, pool = given[places], CandidateRows(rows, constant)
         spaces = [estimable(part.triangle()) for part in pool.parts]
         space, least = spaces[0] if scenarios is None else EstimableOver.of(spaces), min(spaces, key=lambda one: one.rank)
-        null = not_told(problem, least)
+        null = not_estimable(problem, least)
         refused = goal.requires_all and null
         if not refused and len({one.rank for one in spaces}) > 1:
             open_text = combinations(null)
             raise ValueError(
                 f"over: expected scenarios with information on the same, given some without information on {open_text}"
             )
-        if refused or not determined(problem, least) or criterion.outside(space) > NOT_TOLD:
+        if refused or not determined(problem, least) or criterion.outside(space) > NOT_ESTIMABLE:
             open_text = combinations(null)
-            what = "all parameters, as singular = 'error' asks" if refused else f"criterion {goal.criterion!r}"
+            what = "all parameters, as singular = 'error' requires" if refused else f"criterion {goal.criterion!r}"
             raise ValueError(
                 f"candidates: expected some that determine {what}, given none with information on {open_text}, in prior std"
             )

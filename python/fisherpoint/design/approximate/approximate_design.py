@@ -47,7 +47,7 @@ class ApproximateDesign(ApproximateWeights, Shown, Kept):
         _ = self.criterion
 
     @cached_property
-    def _asked_for(self) -> Criterion:
+    def _goal_criterion(self) -> Criterion:
         """What was maximised, of block-diagonal matrices where that is over scenarios."""
         if self._scenarios is None:
             return self.criterion
@@ -99,7 +99,7 @@ class ApproximateDesign(ApproximateWeights, Shown, Kept):
 
     def _share(self, information: Array) -> float:
         into, own = self.estimable.into, self.information if self.goal.over is None else joined(list(self.information))
-        inner = self._asked_for.within(self.estimable)
+        inner = self._goal_criterion.within(self.estimable)
         ratio = inner.log_phi(into.T @ information @ into) - inner.log_phi(into.T @ own @ into)
         if ratio + np.log(self.efficiency) > BEYOND:
             warnings.warn(
@@ -151,7 +151,7 @@ class ApproximateDesign(ApproximateWeights, Shown, Kept):
 
         return points_frame(self.problem.model, self.points).assign(weight=self.weights)
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return problem_sections(self.problem)
 
     def _plots(self) -> Plots:

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from ...basics.quantity import Quantity
 from ...basics.values import Array
 from ...points.experiments import Experiments
-from ...show.durations import axis_scale, make_logarithmic
 from ...show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
+from ...show.time_axes import axis_scale, make_logarithmic
 
 
 def sensitivity_figure(

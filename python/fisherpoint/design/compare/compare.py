@@ -130,7 +130,7 @@ class DesignComparison(Shown, Kept):
         prior_std = {name: self.problem.prior.std[name] for name in self.problem.estimated}
         return drawn(plot_comparison(errors, prior_std), path)
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return problem_sections(self.problem)
 
     def _plots(self) -> Plots:

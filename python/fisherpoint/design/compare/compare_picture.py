@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...show.standard_errors import share_axis
+from ...show.parameter_pictures import share_axis
 from ...show.style import CRITERION, NOISE, PRIOR, STYLE, TEXT, Picture
 
 COLOURS = (NOISE, CRITERION, "#009e73", "#cc79a7", TEXT, "#56b4e9")

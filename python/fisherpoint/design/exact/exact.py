@@ -17,7 +17,7 @@ from ...points.settings import resolve_threads
 from ...show.progress import Progress, check_progress, following
 from ..candidates.candidate_rows import CandidateRows
 from ..candidates.point_rows import PointRows, check_additive
-from ..goal.estimability import NOT_TOLD, determined, not_told
+from ..goal.estimability import NOT_ESTIMABLE, determined, not_estimable
 from ..goal.estimable_space import estimable
 from ..goal.goal import Goal, goal_of
 from ..goal.goal_criterion import criterion_of, known_beforehand
@@ -108,10 +108,10 @@ def exact_design(
         raise ValueError(f"candidates: expected valid points, given none: {refused_text or 'no points at all'}")
     pool = CandidateRows(rows, known / n if known.any() else None)
     space = estimable(pool.triangle())
-    null = not_told(problem, space)
+    null = not_estimable(problem, space)
     refused = goal.requires_all and null
-    if refused or not determined(problem, space) or criterion.outside(space) > NOT_TOLD:
-        what = "all parameters, as singular = 'error' asks" if refused else f"criterion {goal.criterion!r}"
+    if refused or not determined(problem, space) or criterion.outside(space) > NOT_ESTIMABLE:
+        what = "all parameters, as singular = 'error' requires" if refused else f"criterion {goal.criterion!r}"
         raise ValueError(
             f"candidates: expected some that determine {what}, given none with information on {combinations(null)}, in prior std"
         )

@@ -32,7 +32,7 @@ class ExactDesign(ExactCounts, Shown, Kept):
 
         return points_frame(self.problem.model, self.distinct).assign(count=self.counts)
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return problem_sections(self.problem)
 
     def report(self) -> Report:

@@ -1,7 +1,9 @@
-"""A commented configuration for a model, with guesses that a search can begin with."""
+"""Files to begin with: the examples, and a commented configuration for a model, with guesses that a search can begin with."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,19 @@ from ...models.toml_to_model import load_model
 from ...points.region import ExperimentRegion
 from ...points.simulate import simulate
 from ...points.status import Status
+
+PLACES = (files("fisherpoint") / "examples", Path(__file__).resolve().parents[4] / "examples")
+"""Folders of the examples in an installed package, and in the project's own tree."""
+
+
+def example_texts(ending: str = ".toml") -> Mapping[str, str]:
+    """The text of each example's TOML file, or of its measurements with the ending .csv, by its name, in alphabetical order."""
+    for place in PLACES:
+        if place.is_dir():
+            found = {file.name: file for file in place.iterdir() if file.name.endswith(ending)}
+            return {name.removesuffix(ending): found[name].read_text(encoding="utf-8") for name in sorted(found)}
+    raise ValueError("examples: expected the examples in the package, given an installation without them; reinstall fisherpoint")
+
 
 RELATIVE_STD = 0.2
 """Relative standard deviation of every parameter."""

@@ -104,16 +104,6 @@ class Averaged(Criterion):
         blocks = self.blocks(information)
         return self.offsets + [criterion.log_phi(block) for criterion, block in zip(self.criteria, blocks, strict=True)]
 
-    def value(self, information: Array) -> float:
-        """What searches maximise: the average of log phi times its level, which is log det for "D"."""
-        return self.of_log_phi(self.log_phi(information))
-
-    def of_log_phi(self, log_phi: float) -> float:
-        return self.level * log_phi
-
-    def gradient(self, information: Array) -> Array:
-        return self.level * self.slope(information).gradient
-
     def log_phi(self, information: Array) -> float:
         return float(self.average.value(self.log_phis_there(information)))
 

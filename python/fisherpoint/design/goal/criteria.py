@@ -84,17 +84,17 @@ class Criterion(InNotebooks):
     least: float = 1e-8
     small: float = 1e-8
 
-    @abstractmethod
     def value(self, information: Array) -> float:
         """The criterion at a matrix (p, p), in its own units: infinitely bad where the matrix does not determine it."""
+        return self.of_log_phi(self.log_phi(information))
 
-    @abstractmethod
     def of_log_phi(self, log_phi: float) -> float:
-        """The criterion in the units of `value`, from log phi."""
+        """The criterion in the units of `value`, from log phi: a logarithm, as of a determinant, unless a criterion has others."""
+        return self.level * log_phi
 
-    @abstractmethod
     def gradient(self, information: Array) -> Array:
         """Derivative (p, p) of `value` by the information matrix, which must be regular."""
+        return self.level * self.slope(information).gradient
 
     @abstractmethod
     def log_phi(self, information: Array) -> float:

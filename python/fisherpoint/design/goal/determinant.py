@@ -29,15 +29,6 @@ class Determinant(Criterion):
         if self.plain:
             self.small = 1e-4
 
-    def value(self, information: Array) -> float:
-        return self.of_log_phi(self.log_phi(information))
-
-    def of_log_phi(self, log_phi: float) -> float:
-        return self.level * log_phi
-
-    def gradient(self, information: Array) -> Array:
-        return self.level * self.slope(information).gradient
-
     def log_phi(self, information: Array) -> float:
         solved = half_solved(information, self.k)
         if solved is None:

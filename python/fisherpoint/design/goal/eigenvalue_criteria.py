@@ -224,9 +224,6 @@ class ConditionNumber(OfEigenvalues):
     degree = 0
     relative = True
 
-    def value(self, information: Array) -> float:
-        return self.of_log_phi(self.log_phi(information))
-
     def of_log_phi(self, log_phi: float) -> float:
         return float(np.exp(-log_phi))
 

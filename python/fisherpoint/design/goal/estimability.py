@@ -16,7 +16,7 @@ from .estimable_space import Estimable, estimable
 from .goal import Goal
 from .goal_criterion import criterion_of
 
-NOT_TOLD = 1e-6
+NOT_ESTIMABLE = 1e-6
 """Share of what a criterion is about that may lie outside of the estimable space, as rounding."""
 
 LOOKED_AT = 200
@@ -72,10 +72,10 @@ def restricted_criteria(
         spaces = [estimable(CandidateRows(own, there / count).triangle()) for own, there in zip(rows, known, strict=True)]
     for criterion, own, there, space in zip(criteria, rows, known, spaces, strict=True):
         name = criterion.name
-        if not determined(problem, space) or criterion.outside(space) > NOT_TOLD:
+        if not determined(problem, space) or criterion.outside(space) > NOT_ESTIMABLE:
             raise ValueError(
                 f"region: expected {kind} that determine criterion {name!r}, given none with information on "
-                f"{combinations(not_told(problem, space))}"
+                f"{combinations(not_estimable(problem, space))}"
             )
         if criterion.restricted(space.span) is criterion:
             result.append(criterion)
@@ -100,13 +100,13 @@ def refuse_open(problem: DesignProblem, space: Estimable, count: int | None, nam
     size, kind = named
     if len(space.null):
         raise ValueError(
-            f"region: expected {kind} that determine all parameters, as singular = 'error' asks, given none with information on "
-            f"{combinations(not_told(problem, space))}, in prior std: estimate fewer parameters (parameters = [...]), measure "
-            "other outputs, or widen the region"
+            f"region: expected {kind} that determine all parameters, as singular = 'error' requires, given none with "
+            f"information on {combinations(not_estimable(problem, space))}, in prior std: estimate fewer parameters "
+            "(parameters = [...]), measure other outputs, or widen the region"
         )
     if count is not None:
         raise ValueError(
-            f"{size}: expected enough {kind} to determine {determined(problem, space)} parameters, as singular = 'error' asks, "
+            f"{size}: expected enough {kind} to determine {determined(problem, space)} parameters, as singular = 'error' requires, "
             f"given {count}, which leave some of them open whatever the {kind} are: take more {kind}, or estimate fewer parameters "
             "(parameters = [...])"
         )
@@ -117,7 +117,7 @@ def determined(problem: DesignProblem, space: Estimable) -> int:
     return space.rank - problem.n_nuisance
 
 
-def not_told(problem: DesignProblem, space: Estimable) -> tuple[Mapping[str, float], ...]:
+def not_estimable(problem: DesignProblem, space: Estimable) -> tuple[Mapping[str, float], ...]:
     """Combinations of standardised parameters that no candidate has information on."""
     p = len(problem.estimated)  # nuisance parameters take no part in any: something is known of each
     return null_directions(space.null[:, :p], space.length[:p], problem.estimated)

@@ -130,7 +130,7 @@ def moved_problems(problem: DesignProblem, over: OverPrior) -> tuple[tuple[Desig
     for values in theta:
         if np.array_equal(values, problem.theta):
             problems.append(problem)
-        else:  # nobody asks for the nodes of this prior
+        else:  # a prior whose nodes are not needed
             mean, given = dict(zip(names, values.tolist(), strict=True)), problem.prior
             spread = {"covariance": given.covariance} if given.correlated else {"std": dict(given.std)}
             problems.append(problem.replace(prior=GaussianPrior(mean, **spread)))

@@ -15,10 +15,7 @@ class Variance(Criterion):
 
     def __init__(self, name: str, k: Array, whole: bool = False) -> None:
         self.name, self.k, self.level = name, k, 1
-        self.whole = whole  # "A", which asks for what is estimable
-
-    def value(self, information: Array) -> float:
-        return self.of_log_phi(self.log_phi(information))
+        self.whole = whole  # "A", for all that is estimable
 
     def of_log_phi(self, log_phi: float) -> float:
         return float(np.exp(-log_phi))

@@ -21,9 +21,8 @@ from ...information.problem import DesignProblem
 from ...show.progress import Progress, check_progress, following
 from ..goal.goal import Goal, goal_of
 from .disjoint import Windows
-from .packed import Packed
 from .piece_design import PieceDesign
-from .piece_search import PieceSearch
+from .piece_search import Packed, PieceSearch
 
 RANDOM_CHOICES = 200
 """Number of random choices of windows; the report shows their median."""
@@ -103,7 +102,7 @@ def design_pieces(
     if goal.requires_all and design.evaluation.null_directions and stop_reason != StopReason.interrupted:
         open_text = combinations(design.evaluation.null_directions)
         raise ValueError(
-            f"n_pieces: expected enough windows to determine all parameters, as singular = 'error' asks, given {count}, which "
+            f"n_pieces: expected enough windows to determine all parameters, as singular = 'error' requires, given {count}, which "
             f"leave open {open_text}, in prior std: pick more, or longer ones"
         )
     return design

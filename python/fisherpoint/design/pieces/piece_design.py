@@ -38,7 +38,7 @@ class PieceDesign(PickedWindows, Shown, Kept):
         """The windows with what was measured, as `estimate` takes them."""
         return Measurements(self.runs, self.y)
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return problem_sections(self.problem)
 
     def report(self) -> Report:

@@ -19,7 +19,7 @@ from ...points.experiments import Experiments
 from ..candidates.candidate_rows import CandidateRows, Places
 from ..goal.criteria import Criterion
 from ..goal.eigenvalue_criteria import ConditionNumber
-from ..goal.estimability import NOT_TOLD, determined
+from ..goal.estimability import NOT_ESTIMABLE, determined
 from ..goal.estimable_space import estimable
 from ..goal.goal import Goal
 from ..goal.goal_criterion import criterion_of
@@ -176,7 +176,7 @@ class CandidateArchive:
             known = np.asarray(self._of_prior / count) if known is None else known + self._of_prior / count
         candidates = CandidateRows(rows, known)
         space, criterion = estimable(candidates.triangle()), self.criteria[0]
-        lost = determined(self._problem, space) != criterion.level if criterion.of_all else criterion.outside(space) > NOT_TOLD
+        lost = determined(self._problem, space) != criterion.level if criterion.of_all else criterion.outside(space) > NOT_ESTIMABLE
         if lost or isinstance(criterion, ConditionNumber):
             return None
         found = optimal_weights(

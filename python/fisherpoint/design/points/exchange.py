@@ -149,7 +149,7 @@ def designs(
         under_noise = search.under_noise()
         evaluation = search.evaluation(under_noise)
         if evaluation.null_directions:
-            space = search.look_at_what_is_told()
+            space = search.find_estimable_space()
             if settings.goal.requires_all and not interrupted:
                 refuse_open(problem, space, settings.n_experiments)
         if settings.method.references and not interrupted:
@@ -222,7 +222,7 @@ def _search(
     kept: Experiments | None,
     scenarios: Scenarios | None = None,
 ) -> PointSearch:
-    """The search that a method asks for; where D depends on all points, or on a point's own covariance, that of the paper."""
+    """The search of a method; where D depends on all points, or on a point's own covariance, that of the paper."""
     if searched_by(settings.method.name, problem) == "auto":
         return AutoSearch(problem, settings, threads, previous, kept, scenarios)
     return ExchangeSearch(problem, settings, threads, previous, kept)

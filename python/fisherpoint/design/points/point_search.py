@@ -21,7 +21,7 @@ from ...points.experiments import Experiments
 from ...show.progress import Progress
 from ..candidates.candidate_rows import CandidateRows
 from ..goal.criteria import Criterion
-from ..goal.estimability import not_told
+from ..goal.estimability import not_estimable
 from ..goal.estimable_space import RIDGE, Estimable, estimable
 from ..goal.goal_criterion import criterion_of, known_beforehand, prior_rows
 from ..goal.over_prior import Scenarios
@@ -97,7 +97,7 @@ class PointSearch:
         self.ridge = RIDGE
         return RIDGE
 
-    def look_at_what_is_told(self) -> Estimable:
+    def find_estimable_space(self) -> Estimable:
         """What points of the region determine together; the bound is then of that, for a design that determines as much."""
         if self.space is None:
             rng = np.random.default_rng([self.settings.seed, 3])
@@ -234,7 +234,7 @@ class PointSearch:
             n_kept=n_kept,
             previous_left_out=previous_left_out,
             scenarios=self._scenario_values(),
-            not_told=() if self.space is None else not_told(self.problem, self.space),
+            not_estimable=() if self.space is None else not_estimable(self.problem, self.space),
             ridge=self.ridge,
         )
 

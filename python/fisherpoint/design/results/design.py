@@ -51,7 +51,7 @@ class Design(FoundDesign, Shown, Kept):
     def _page_report(self) -> Report:
         return design_report(self, ROWS_OF_PAGES)
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:

@@ -67,7 +67,7 @@ class FoundDesign(EvaluatedPoints):
         The first so many points were given, and stay.
     previous_left_out : mapping of reason to int
         Previous points that are not valid at the prior mean, and are not used.
-    not_told : tuple of mappings of parameter name to float
+    not_estimable : tuple of mappings of parameter name to float
         Where F is singular: combinations of standardised parameters that no point of the region was found to have information
         on. Where these are fewer than the `Evaluation.null_directions`, more or other points determine more.
     ridge : float
@@ -87,7 +87,7 @@ class FoundDesign(EvaluatedPoints):
     n_kept: int = 0
     previous_left_out: Mapping[str, int] = FrozenMapping({})
     scenarios: ScenarioValues | None = None
-    not_told: tuple[Mapping[str, float], ...] = ()
+    not_estimable: tuple[Mapping[str, float], ...] = ()
     ridge: float = 0.0
 
     _EXTENTS: ClassVar[Extents] = {
@@ -96,7 +96,7 @@ class FoundDesign(EvaluatedPoints):
         "evaluation.parameters": ("problem.estimated",),
         "under_noise.parameters": ("problem.estimated",),
         "scenarios.standard_errors": ("problem.estimated",),
-        "not_told": ("*", "some problem.estimated"),
+        "not_estimable": ("*", "some problem.estimated"),
     }
 
     @cached_property
@@ -125,7 +125,7 @@ class FoundDesign(EvaluatedPoints):
     @property
     def too_few(self) -> bool:
         """Whether the points leave more open than all points of the region together would: no efficiency is claimed then."""
-        return len(self.evaluation.null_directions) > len(self.not_told)
+        return len(self.evaluation.null_directions) > len(self.not_estimable)
 
     @property
     def feasible(self) -> bool:

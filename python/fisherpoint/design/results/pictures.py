@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ...basics.checks import check_choice
-from ...show.standard_errors import standard_error_figure
+from ...show.parameter_pictures import standard_error_figure
 from ...show.style import CRITERION, NOISE, PRIOR, STYLE, Picture
 from .evaluated_points import EvaluatedPoints
 from .found_design import FoundDesign

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ...basics.quantity import DURATION, Quantity
 from ...models import Model
-from ...show.durations import AxisScale, axis_scale, make_logarithmic, mark
 from ...show.style import PRIOR, STYLE, TEXT, Picture, scale, settle
+from ...show.time_axes import AxisScale, axis_scale, make_logarithmic, mark
 from .evaluated_points import EvaluatedPoints
 from .paths import FRACTIONS, paths_of
 from .pictures_responses import free_axis, plot_responses

@@ -16,8 +16,8 @@ from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.simulate import simulate
 from ...points.status import Status
-from ...show.durations import axis_scale, make_logarithmic
 from ...show.style import NOISE, STYLE, TEXT, Picture, labelled, scale, settle
+from ...show.time_axes import axis_scale, make_logarithmic
 from .evaluated_points import EvaluatedPoints
 
 Floats = NDArray[np.float64]

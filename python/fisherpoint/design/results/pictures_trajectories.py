@@ -16,9 +16,8 @@ from ...basics.quantity import Quantity
 from ...information.draws import drawn_from_prior
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
-from ...show.durations import duration, make_logarithmic
-from ...show.early_transients import begin, is_fast
-from ...show.style import NOISE, STYLE, TEXT, Picture, labelled, said, scale, telling
+from ...show.style import NOISE, STYLE, TEXT, Picture, labelled, said, scale, show_under_mouse
+from ...show.time_axes import begin, duration, is_fast, make_logarithmic
 from .evaluated_points import EvaluatedPoints
 from .paths import FRACTIONS, paths_of
 
@@ -85,7 +84,7 @@ def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int
                 shade = {"color": NOISE, "alpha": 0.3, "linewidth": 0}
                 band = axes.fill_between(row.time, factor * row.low[:, j], factor * row.high[:, j], **shade)
                 (line,) = axes.plot(row.time, factor * row.mean[:, j], color=NOISE, linewidth=1.3)
-                telling((band, line), _told(group, output, (start[j], row.mean[-1, j]), dt), f"{group[0]}-{j}")
+                show_under_mouse((band, line), _curve_label(group, output, (start[j], row.mean[-1, j]), dt), f"{group[0]}-{j}")
                 handles |= {"at the prior mean": line, "5 to 95 % over the prior": band}
                 if std:
                     bar = axes.errorbar(
@@ -173,7 +172,7 @@ def _alike(table: Floats) -> list[list[int]]:
     return groups
 
 
-def _told(group: Sequence[int], output: Quantity, ends: Sequence[float], dt: float) -> str:
+def _curve_label(group: Sequence[int], output: Quantity, ends: Sequence[float], dt: float) -> str:
     """What the curve of a point says of itself."""
     of = f"point {group[0] + 1}" if len(group) == 1 else f"points {', '.join(str(k + 1) for k in group)}"
     start, end = (said(output, value) for value in ends)

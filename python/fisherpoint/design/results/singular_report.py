@@ -22,8 +22,8 @@ def singular_warning(evaluated: EvaluatedPoints) -> str:
             "points, widen the region, or leave parameters out (parameters = [...])."
         )
     sentences = [f"F is singular: the points determine {rank} of {counted(p, 'parameter')}."]
-    if evaluated.not_told:
-        left = combinations(evaluated.not_told)
+    if evaluated.not_estimable:
+        left = combinations(evaluated.not_estimable)
         sentences.append(
             f"No point of the region was found with information on {left} (in prior std): measure other outputs, widen the region, "
             "or leave parameters out (parameters = [...])."
@@ -32,7 +32,7 @@ def singular_warning(evaluated: EvaluatedPoints) -> str:
     criterion = goal.criterion
     if evaluated.too_few and goal.of_all:
         numbers = evaluation.n_points * len(evaluation.outputs)
-        could = p - len(evaluated.not_told)
+        could = p - len(evaluated.not_estimable)
         if numbers < could:
             sentences.append(
                 f"{counted(evaluation.n_points, 'point')} with {counted(len(evaluation.outputs), 'output')} are too few for the "

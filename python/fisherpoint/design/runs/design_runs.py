@@ -235,7 +235,7 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
 
 def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:
     raise ValueError(
-        f"region: expected runs that determine all parameters, as singular = 'error' asks; {what} "
+        f"region: expected runs that determine all parameters, as singular = 'error' requires; {what} "
         f"{combinations(directions)}, in prior std: {help_}"
     )
 

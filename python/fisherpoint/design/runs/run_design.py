@@ -42,7 +42,7 @@ class RunDesign(FoundRuns, Shown, Kept):
         report = self.report()
         return replace(report, sections=[*report.sections, segments_table(self.problem.model, self.runs)])
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return [*problem_sections(self.problem), settings_section(self.settings)]
 
     def _plots(self) -> Plots:

@@ -17,8 +17,8 @@ from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
 from ...points.status import Status
 from ...show.numbers import counted
-from ...show.run_time import RunTime, shares_of
-from ...show.style import NOISE, PRIOR, STYLE, TEXT, Picture, labelled, scale, telling
+from ...show.style import NOISE, PRIOR, STYLE, TEXT, Picture, labelled, scale, show_under_mouse
+from ...show.time_axes import RunTime, shares_of
 from .sampled_plants import RunPlants
 
 DRAWN = 100
@@ -66,7 +66,7 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
                     axes.axhline(factor * limit, color=TEXT, linewidth=0.8, linestyle="--")
                 (line,) = axes.plot(looks, factor * mean.y[k, : n * looks_each, j], color=NOISE, linewidth=1.2)
                 samples = counted(int(shown.measured[k, :n].sum()), "sample")
-                telling([line], f"run {k + 1}: {labelled(quantity.name, unit)} at the prior mean, {samples}", f"{k}-{j}")
+                show_under_mouse([line], f"run {k + 1}: {labelled(quantity.name, unit)} at the prior mean, {samples}", f"{k}-{j}")
                 at = np.flatnonzero(shown.measured[k, :n])
                 sampled = mean.y[k, at * looks_each + looks_each - 1, j]
                 axes.plot(t[at + 1], factor * sampled, "o", color=NOISE, markersize=3.2)

@@ -26,7 +26,7 @@ from ...show.display import Plots, Shown
 from ...show.progress import Progress, check_progress, following
 from ...show.section import Report, Section
 from ..goal.criteria import Criterion
-from ..goal.estimability import determined, not_told, refuse_open
+from ..goal.estimability import determined, not_estimable, refuse_open
 from ..goal.goal import Goal, goal_of
 from ..goal.goal_criterion import known_beforehand
 from ..points.candidate_archive import CandidateArchive
@@ -52,7 +52,7 @@ NO_TIME = 1e-9
 class Sweep(SweptDesigns, Shown, Kept):
     """Designs of several sizes, as `sweep` found them; `SweptDesigns` has its attributes."""
 
-    def _asked(self) -> Sequence[Section]:
+    def _problem_sections(self) -> Sequence[Section]:
         return problem_sections(self.problem)
 
     def _plots(self) -> Plots:
@@ -176,7 +176,7 @@ def sweep(
                 check_determined(search)
                 one = _found(search)
                 if one.evaluation.null_directions:
-                    space = search.look_at_what_is_told()
+                    space = search.find_estimable_space()
                     if goal.requires_all:
                         refuse_open(problem, space, size)
                 seen.include(search.seen)
@@ -218,7 +218,7 @@ def sweep(
         stop_reason=stop_reason,
         settings=settings,
         seconds=time.perf_counter() - started,
-        not_told=() if space is None else not_told(problem, space),
+        not_estimable=() if space is None else not_estimable(problem, space),
         ridge=ridge,
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter, PercentFormatter
 
-from ...show.standard_errors import DECADE
+from ...show.parameter_pictures import DECADE
 from ...show.style import NOISE, PRIOR, STYLE, Picture, share_formatter
 from .sweep_record import SweptDesigns
 

@@ -116,7 +116,7 @@ class SweptDesigns:
     seconds : float
     settings : ExchangeSettings
         Those of the search for the smallest design; the others differ in their size.
-    not_told : tuple of mappings of parameter name to float
+    not_estimable : tuple of mappings of parameter name to float
         Combinations of standardised parameters that no point of the region was found to have information on.
     ridge : float
         As that of a design, of any of the searches.
@@ -131,7 +131,7 @@ class SweptDesigns:
     seconds: float
     _: KW_ONLY
     settings: ExchangeSettings
-    not_told: tuple[Mapping[str, float], ...] = ()
+    not_estimable: tuple[Mapping[str, float], ...] = ()
     ridge: float = 0.0
 
     _EXTENTS: ClassVar[Extents] = {
@@ -139,7 +139,7 @@ class SweptDesigns:
         "designs.points.x0": ("*", "problem.model.states"),
         "designs.points.u": ("*", "problem.model.inputs"),
         "designs.evaluation.parameters": ("problem.estimated",),
-        "not_told": ("*", "some problem.estimated"),
+        "not_estimable": ("*", "some problem.estimated"),
     }
 
     def __getitem__(self, n_experiments: int) -> SizedDesign:

@@ -22,7 +22,7 @@ def sweep_report(sweep: SweptDesigns) -> Report:
     row, what = settings.goal.row, settings.goal.maximised
     written = percent if row.relative else computed
     rows, marked, timed = [], [], bool(sweep.problem.model.states)
-    most = len(sweep.problem.estimated) - len(sweep.not_told)
+    most = len(sweep.problem.estimated) - len(sweep.not_estimable)
     for k, (size, of) in enumerate(zip(sweep.sizes, sweep.designs, strict=True)):
         errors = of.evaluation.standard_errors
         regular = np.isfinite(of.information)
@@ -58,8 +58,8 @@ def sweep_report(sweep: SweptDesigns) -> Report:
         notes.append("The errors of parameters are those at the prior mean.")
     table = Section("Designs by size", [*columns, *([] if sweep.cost is None else ["cost"])], rows, marked, notes)
     warnings = []
-    if sweep.not_told:
-        left = combinations(sweep.not_told)
+    if sweep.not_estimable:
+        left = combinations(sweep.not_estimable)
         of_rest = f"{what}, {row.error}s and efficiencies are of the rest"
         if not row.of_all:
             of_rest = f"criterion {settings.goal.criterion} is determined all the same"

@@ -15,29 +15,21 @@ from .core import CallableCore
 from .integration import NOT_FINITE, OK, STEP_LIMIT, integrate, static_status
 from .tangents import rounding, tangents
 
-KernelSettings = tuple[float, bool, str]
+Settings = tuple[float, bool, bool, str, int]
+"""rtol, whether kinks and jumps are crossed, the method, and threads: jumps never are crossed, and there is one thread."""
 
 MOST_ROUNDING = 1e-3
 """Share of a sensitivity that differences may lose."""
 
 
 def simulate(
-    model: CallableCore,
-    x0: Array,
-    u: Array,
-    dt: Array,
-    theta: Array,
-    rtol: float,
-    cross_kinks: bool,
-    cross_jumps: bool,
-    method: str,
-    threads: int,
+    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, *settings: *Settings
 ) -> tuple[Array, Array, IntArray, Array]:
     """x, y, status, and until when a trajectory was followed: not at all where it is not ok."""
     rows = _rows(theta, len(dt))
     x, status = np.array(x0), np.zeros(len(dt), dtype=np.int32)
     for k in range(len(dt)):
-        x[k], status[k] = _end(model, x0[k], u[k], dt[k], rows[k], (rtol, cross_kinks, method))
+        x[k], status[k] = _end(model, x0[k], u[k], dt[k], rows[k], settings)
     y, status = _outputs(model, x, u, rows, status)
     return x, y, status, np.where(status == OK, dt, 0.0)
 
@@ -48,11 +40,7 @@ def sensitivities(
     u: Array,
     dt: Array,
     theta: Array,
-    rtol: float,
-    cross_kinks: bool,
-    cross_jumps: bool,
-    method: str,
-    threads: int,
+    *settings: *Settings,
     whole_first: bool = False,
     outputs_alone: bool = False,
 ) -> tuple[Array, Array, Array, Array, IntArray]:
@@ -64,7 +52,6 @@ def sensitivities(
     dx, dy = np.zeros((count, n_x, p)), np.zeros((count, model.n_y, p))
     start = perf_counter()
     for k in range(count):
-        settings = (rtol, cross_kinks, method)
         x[k], dx[k], dy[k], status[k] = _sensed(model, x0[k], dx[k], u[k], dt[k], rows[k], settings, by_complex_step)
     y, status = _outputs(model, x, u, rows, status)
     dx[status != OK], dy[status != OK] = 0.0, 0.0
@@ -74,7 +61,7 @@ def sensitivities(
 
 
 def _sensed(
-    model: CallableCore, x0: Array, s0: Array, u: Array, dt: float, theta: Array, settings: KernelSettings, by_complex_step: bool
+    model: CallableCore, x0: Array, s0: Array, u: Array, dt: float, theta: Array, settings: Settings, by_complex_step: bool
 ) -> tuple[Array, Array, Array, int]:
     """x, dx_dtheta, dy_dtheta and status at the end, from a start with dx_dtheta s0 (n_x, p)."""
     n_x, p = s0.shape
@@ -88,7 +75,7 @@ def _sensed(
     path: list[tuple[Array, Array]] = []
     if n_x:
         z0 = np.concatenate([x0, (s0 * size).ravel()])
-        z, status = integrate(model, derivative, z0, u, dt, theta, *settings, path)
+        z, status = integrate(model, derivative, z0, u, dt, theta, *_steps(settings), path)
         if status == OK and not by_complex_step and _rounded(model, path, u, theta) > MOST_ROUNDING:
             status = STEP_LIMIT
     else:
@@ -118,16 +105,7 @@ def _warn_of_sensitivities(model: CallableCore, by_complex_step: bool, p: int, s
 
 
 def simulate_runs(
-    model: CallableCore,
-    x0: Array,
-    u: Array,
-    dt: Array,
-    theta: Array,
-    rtol: float,
-    cross_kinks: bool,
-    cross_jumps: bool,
-    method: str,
-    threads: int,
+    model: CallableCore, x0: Array, u: Array, dt: Array, theta: Array, *settings: *Settings
 ) -> tuple[Array, IntArray, NDArray[np.int64]]:
     """x (K, N + 1, n_x), status, segments that were completed."""
     count, segments = len(x0), dt.shape[-1]
@@ -137,7 +115,7 @@ def simulate_runs(
     reached = np.zeros(count, dtype=np.int64)
     for k in range(count):
         for n in range(np.count_nonzero(dt[k])):
-            x[k, n + 1 :], status[k] = _end(model, x[k, n], u[k, n], dt[k, n], rows[k], (rtol, cross_kinks, method))
+            x[k, n + 1 :], status[k] = _end(model, x[k, n], u[k, n], dt[k, n], rows[k], settings)
             if status[k] != OK:
                 break
             reached[k] += 1
@@ -150,11 +128,7 @@ def run_sensitivities(
     u: Array,
     dt: Array,
     theta: Array,
-    rtol: float,
-    cross_kinks: bool,
-    cross_jumps: bool,
-    method: str,
-    threads: int,
+    *settings: *Settings,
     measured: NDArray[np.bool_],
     s: Array,
     outputs_alone: bool = False,
@@ -175,7 +149,6 @@ def run_sensitivities(
     for k in range(count):
         along = s[k] if s.size else np.zeros((n_x, p))
         for n in range(np.count_nonzero(dt[k])):
-            settings = (rtol, cross_kinks, method)
             end, along, of_y, ended = _sensed(model, x[k, n], along, u[k, n], dt[k, n], rows[k], settings, by_complex_step)
             x[k, n + 1 :] = end
             output, now = _outputs(model, end[None], u[k, n : n + 1], rows[k : k + 1], np.array([ended], dtype=np.int32))
@@ -196,21 +169,17 @@ def predictive_covariance(
     dt: Array,
     theta: Array,
     nodes: _core.PriorNodes,
-    rtol: float,
-    cross_kinks: bool,
-    cross_jumps: bool,
-    method: str,
-    threads: int,
+    *settings: *Settings,
     max_lost: float = 0.0,
 ) -> tuple[Array, IntArray, NDArray[np.int64], Array, Array]:
     """covariance (K, n_y, n_y), status, nodes that were redone, no outputs, lost weight; as the compiled kernels have them."""
     count, n_y = len(dt), model.n_y
-    _, nominal_y, status, _ = simulate(model, x0, u, dt, theta, rtol, cross_kinks, cross_jumps, method, threads)
+    _, nominal_y, status, _ = simulate(model, x0, u, dt, theta, *settings)
     at, weights = nodes.nodes()
     covariance, lost = np.zeros((count, n_y, n_y)), np.ones(count)
     start = perf_counter()
     for k in np.flatnonzero(status == OK):
-        y, ended = _over_nodes(model, x0[k], u[k], dt[k], at, (rtol, cross_kinks, method), stop=max_lost == 0)
+        y, ended = _over_nodes(model, x0[k], u[k], dt[k], at, settings, stop=max_lost == 0)
         bad = ended != OK
         first = int(ended[np.argmax(bad)]) if bad.any() else OK
         if max_lost == 0 and bad.any():
@@ -234,7 +203,7 @@ def predictive_covariance(
 
 
 def _over_nodes(
-    model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: KernelSettings, stop: bool
+    model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: Settings, stop: bool
 ) -> tuple[Array, IntArray]:
     """Outputs (R, n_y) and statuses (R,) of one point; with `stop` only up to the first that is not ok."""
     y, status = np.zeros((len(theta), model.n_y)), np.zeros(len(theta), dtype=np.int32)
@@ -246,14 +215,14 @@ def _over_nodes(
     return y, status
 
 
-def _end(model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: KernelSettings) -> tuple[Array, int]:
+def _end(model: CallableCore, x0: Array, u: Array, dt: float, theta: Array, settings: Settings) -> tuple[Array, int]:
     if not model.n_x:
         return x0, static_status(model, x0, u, theta)
 
     def rates(x: Array) -> Array:
         return np.asarray(model.rhs(x[None], u[None], theta[None])[0], dtype=np.float64)
 
-    x, status = integrate(model, rates, x0, u, dt, theta, *settings)
+    x, status = integrate(model, rates, x0, u, dt, theta, *_steps(settings))
     return x, status if np.isfinite(x).all() else status or NOT_FINITE
 
 
@@ -262,6 +231,11 @@ def _outputs(model: CallableCore, x: Array, u: Array, theta: Array, status: IntA
     y = np.asarray(model.output(x, u, theta), dtype=np.float64)
     bad = np.any(~np.isfinite(y), axis=1)
     return np.where(bad.reshape(-1, 1), 0.0, y), np.where(bad & (status == OK), NOT_FINITE, status).astype(np.int32)
+
+
+def _steps(settings: Settings) -> tuple[float, bool, str]:
+    rtol, cross_kinks, _, method, _ = settings
+    return rtol, cross_kinks, method
 
 
 def _rows(theta: Array, count: int) -> Array:

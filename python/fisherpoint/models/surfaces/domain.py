@@ -8,15 +8,12 @@ from typing import Any
 
 import sympy
 
-from ..tape.branch import Select
+from ..tape.branch import Guards, Select, guards_of
 from ..tape.defined import value_of
-from ..tape.numbers import exact, is_number
-from ..tape.parts import parts, reads, replaced
+from ..tape.parts import exact, is_number, parts, reads, replaced
 from .branches import Surface
-from .guards import Guards, guards_of
 from .limits import is_root, limits_of
-from .printing import to_text
-from .surface_text import in_words
+from .printing import in_words, to_text
 from .zeros import normal_form, reduced
 
 
@@ -99,7 +96,7 @@ class Domain:
         self._add(expression, written, (), pole=False, name=name)
 
     def read(self, expression: Any, origin: Mapping[Any, Any], measured: bool = False) -> None:
-        """Add the limits of an expression; `origin` tells how its parts were written, `measured` that it is one of g."""
+        """Add the limits of an expression; `origin` maps its parts to how they were written; `measured`: it is one of g."""
         if measured != self._measured:
             self._measured, self._visited = measured, set()
         for part in parts(expression, self._limited):

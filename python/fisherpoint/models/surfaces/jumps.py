@@ -12,8 +12,7 @@ import numpy as np
 import sympy
 
 from ..tape.branch import Select
-from ..tape.numbers import exact, is_number
-from ..tape.parts import reads, rebuilt, replaced, symbols_of
+from ..tape.parts import exact, is_number, reads, rebuilt, replaced, symbols_of
 from .branches import Branches, Surface
 from .precise import TooMuchWork, Work
 from .surface_points import Pairs, SurfacePoints
@@ -26,7 +25,7 @@ _POINTS = 8
 _OUTCOMES = 8
 """How many other branches are tried both ways in all combinations."""
 _NESTED = 6
-"""In how many outcomes the outcome of a condition that reads them is told apart."""
+"""Number of outcomes for which a condition that reads other ones is looked at separately."""
 
 _SIGNS = sympy.S.One, sympy.S.NegativeOne
 
@@ -38,7 +37,7 @@ def classified(
     constants: Mapping[Any, float],
     conditions: Sequence[Any] = (),
 ) -> list[Surface]:
-    """Return the surfaces with jumps told from kinks, jumps first.
+    """Return the surfaces, each classified as a jump or a kink, jumps first.
 
     A surface is a kink where f, and every surface that reads its side, are the same on both sides of it: for all states, inputs and
     parameters, and for either outcome of all other branches, known constants being what they are. Where that is not decided, it is
@@ -57,9 +56,9 @@ def classified(
     if not branches.surfaces:
         return []
     judge = _Judge(rates, branches, states, constants, conditions)
-    told = [replace(surface, jump=judge.jumps(surface)) for surface in branches.surfaces]
-    told = [replace(surface, crossable=surface.jump and not judge.moves_others(surface)) for surface in told]
-    return [surface for surface in told if surface.jump] + [surface for surface in told if not surface.jump]
+    classed = [replace(surface, jump=judge.jumps(surface)) for surface in branches.surfaces]
+    classed = [replace(surface, crossable=surface.jump and not judge.moves_others(surface)) for surface in classed]
+    return [surface for surface in classed if surface.jump] + [surface for surface in classed if not surface.jump]
 
 
 class _Judge:
@@ -234,7 +233,7 @@ class _Judge:
 
 
 class _Outcomes:
-    """Puts a symbol, which is 1 or -1, in the place of every condition that the state does not enter.
+    """Puts a symbol, which is 1 or -1, in place of every condition that the state does not enter.
 
     Parameters
     ----------

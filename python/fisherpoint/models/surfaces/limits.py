@@ -93,7 +93,7 @@ def _limited(expression: Any) -> dict[Key, Any]:
 
 
 def _forms(part: Any) -> Iterator[tuple[Any, int | None]]:
-    """What tells the limits of a part from others."""
+    """Forms by which the limits of a part are recognised."""
     for argument, _, pole in limits_of(part, {}):
         factors = [factor for factor in sympy.Mul.make_args(argument) if symbols_of(factor)]
         if pole:

@@ -16,7 +16,7 @@ from ..tape.reset import Reset
 
 
 class Memory:
-    """Puts a symbol in the place of every latch.
+    """Puts a symbol in place of every latch.
 
     Attributes
     ----------

@@ -12,11 +12,9 @@ from typing import Any
 
 import sympy
 
-from ..tape.branch import Select
-from ..tape.numbers import is_number
-from ..tape.parts import parts, rebuilt
+from ..tape.branch import Guards, Select, guards_of
+from ..tape.parts import is_number, parts, rebuilt
 from .branches import Surface
-from .guards import Guards, guards_of
 from .limits import is_root
 from .zeros import normal_form
 

@@ -17,7 +17,7 @@ from ..tape.parts import parts
 
 DIGITS = 60
 _LARGE = 1e6
-"""Past it exp and the like are not asked for: they take long, and digits are lost."""
+"""Past it exp and the like are not evaluated: they take long, and digits are lost."""
 
 digits = mpmath.mp.clone()
 digits.dps = DIGITS

@@ -68,10 +68,10 @@ class Structure:
         conditions_of_resets = [value_of(by_side.rewrite(reset.condition)) for reset in equations.resets]
         rates = [value_of(expression) for expression in written]
         known = [value_of(condition) for condition in (*equations.conditions, *(condition for _, condition in equations.along))]
-        told = classified(rates, by_side, states, equations.constants, known)
+        classed = classified(rates, by_side, states, equations.constants, known)
         conditions_of_resets = [by_side.merged(condition) for condition in conditions_of_resets]
-        told = _with_jumps(told, conditions_of_resets)
-        merged = [replace(surface, expression=by_side.merged(surface.expression)) for surface in told]
+        classed = _with_jumps(classed, conditions_of_resets)
+        merged = [replace(surface, expression=by_side.merged(surface.expression)) for surface in classed]
         powers = Powers(merged)
         whole_rates = [powers.rewrite(by_side.merged(rate)) for rate in written]
         self.rates = [value_of(rate) for rate in whole_rates]
@@ -169,11 +169,11 @@ def _with_jumps(surfaces: Sequence[Surface], conditions: Sequence[Any]) -> list[
     """Jumps first, among them all surfaces on whose sides states are set anew."""
     read = set().union(*map(symbols_of, conditions))
     # Those at which f has no jump move no other surface either.
-    told = [
+    classed = [
         replace(surface, jump=True, crossable=surface.crossable or not surface.jump) if surface.side in read else surface
         for surface in surfaces
     ]
-    return [surface for surface in told if surface.jump] + [surface for surface in told if not surface.jump]
+    return [surface for surface in classed if surface.jump] + [surface for surface in classed if not surface.jump]
 
 
 def _is_root(part: Any) -> bool:

@@ -7,8 +7,7 @@ from typing import Any
 
 import sympy
 
-from ..tape.numbers import exact, is_number
-from ..tape.parts import parts, replaced
+from ..tape.parts import exact, is_number, parts, replaced
 
 
 def normal_form(expression: Any) -> tuple[Any, int]:

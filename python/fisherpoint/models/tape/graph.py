@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .operations import COMMUTATIVE, EVEN, ODD, OPERATIONS, PARTIAL
+from .program import COMMUTATIVE, EVEN, ODD, OPERATIONS, PARTIAL
 
 LITERAL, TRAJECTORY, STAGE = range(3)
 """How often a node's value changes: never, with theta and u from trajectory to trajectory, with every evaluation."""

@@ -12,7 +12,7 @@ import sympy
 
 from ...basics.formulas import Formula, Reader
 from ...basics.function_table import FUNCTIONS, Function
-from .numbers import exact
+from .parts import exact
 
 KINDS: dict[Any, Function] = {kind: function for function in FUNCTIONS if isinstance(kind := getattr(sympy, function.sympy), type)}
 """The functions by their classes; a root is none, which is a power there."""

@@ -10,8 +10,7 @@ import numpy as np
 
 from .fusion import FusedOperation, steps_of
 from .graph import STAGE, Graph
-from .operations import CODES
-from .program import Integers, Program
+from .program import CODES, Integers, Program
 
 Steps = dict[int, FusedOperation]
 Registers = dict[int, int]  # by node

@@ -34,7 +34,7 @@ class TensorGrid(Rule):
 
     Each parameter takes `levels` values from mean - span std to mean + span std, each with the probability of its cell, a
     difference of the normal distribution function; a node's weight is the product. One level is the mean, with weight 1. The
-    predictive covariance of a point exists only where the trajectories of all nodes are ok, as (21) asks.
+    predictive covariance of a point exists only where the trajectories of all nodes are ok, as (21) requires.
 
     Correlated parameters have their cells along the principal axes of their correlation matrix. The logarithm of a log-normal
     parameter takes the part of the parameter.
