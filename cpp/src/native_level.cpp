@@ -3,6 +3,4 @@
 
 #include "fisherpoint/kernels/supported_levels.hpp"
 
-int main() {
-  return std::fputs(fisherpoint::supported_levels().back().c_str(), stdout) < 0;
-}
+int main() { return std::fputs(fisherpoint::supported_levels().back().c_str(), stdout) < 0; }
