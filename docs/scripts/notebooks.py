@@ -24,7 +24,7 @@ def sources() -> dict[str, Path]:
 
 def notebook(source: Path) -> str:
     """A lesson as a notebook, in JSON."""
-    text = _COMMENT.sub("", source.read_text(encoding="utf-8"))
+    text = _COMMENT.sub("", source.read_text(encoding="utf-8")).replace("```sh\n", "```console\n")  # `sh` would be a cell
     lesson = jupytext.reads(text, fmt="py:percent" if source.suffix == ".py" else "md")
     lesson.metadata = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     return str(jupytext.writes(lesson, fmt="ipynb"))
