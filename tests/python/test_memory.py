@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
-from functools import partial
 
 import pytest
 
@@ -30,24 +28,6 @@ def pages(column):  # 0: all, 1: resident
 
 def run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", SETUP + program, *arguments], capture_output=True, text=True, timeout=120)
-
-
-def test_kernels_run_on_threads_whatever_stack_the_system_gives() -> None:
-    """Linux gives threads as much stack as the first thread has when the process starts; musl gives 128 kB, macOS 512 kB."""
-    program = """
-resource.setrlimit(resource.RLIMIT_STACK, (resource.getrlimit(resource.RLIMIT_STACK)[1],) * 2)
-model = fp.HydraulicCylinder().symbolic()
-bounds = dict(q=(0.03, 0.27), v=(-0.25, 0.25), p_A=(2e6, 19e6), p_B=(2e6, 19e6), x_v=(-1, 1), u=(-1, 1), dt=(1e-3, 1e-2))
-points = fp.ExperimentRegion(bounds).draw(model, 300, seed=1)
-for method in ("DOP853", "Radau"):
-    fp.sensitivities(model, points, model.nominal, threads=4, method=method)
-print("done")
-"""
-    hard = resource.getrlimit(resource.RLIMIT_STACK)[1]
-    command = [sys.executable, "-c", SETUP + program]
-    small = partial(resource.setrlimit, resource.RLIMIT_STACK, (64 * 1024, hard))
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, preexec_fn=small)
-    assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the resident memory")
