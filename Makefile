@@ -12,7 +12,7 @@ PARALLEL := -n auto --dist loadfile
 PACKAGES := g++ cmake ninja-build make python3-dev python3-venv libeigen3-dev doctest-dev
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp' -o -name '*.py' -o -name '*.pyi' -o -name '*.map')
 
-.PHONY: design test test-cpp test-python test-levels bench cost sanitize lint format stubs docs docs-pages clean
+.PHONY: design test test-cpp test-python test-levels bench cost sanitize race lint format stubs docs docs-pages clean
 .DELETE_ON_ERROR:
 
 design: $(VENV)/.installed
@@ -47,6 +47,11 @@ sanitize: $(VENV)/.system
 	cmake --preset sanitize
 	cmake --build --preset sanitize
 	ctest --preset sanitize
+
+race: $(VENV)/.system
+	cmake --preset tsan
+	cmake --build --preset tsan
+	ctest --preset tsan
 
 lint: $(VENV)/.developer
 	$(BIN)/clang-format --dry-run --Werror $$(find cpp tests/cpp bench -name '*.[ch]pp')
@@ -95,7 +100,8 @@ $(VENV)/.installed: $(VENV)/.system $(SOURCES)
 
 $(VENV)/.developer: $(VENV)/.system $(SOURCES)
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	FISHERPOINT_ISAS=all $(BIN)/python -m pip install --quiet '.[dev]'
+	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1'  # the first that knows groups
+	FISHERPOINT_ISAS=all $(BIN)/python -m pip install --quiet '.[all]' --group dev
 	@touch $(VENV)/.installed $@
 
 clean:

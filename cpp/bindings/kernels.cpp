@@ -254,7 +254,7 @@ void bind_columns(py::module_& m) {
 }  // namespace
 }  // namespace fisherpoint::bindings
 
-PYBIND11_MODULE(FISHERPOINT_MODULE, m) {
+PYBIND11_MODULE(FISHERPOINT_MODULE, m, pybind11::mod_gil_not_used()) {
   pybind11::module_::import("fisherpoint.engine._core");  // registers the types that the kernels take
   fisherpoint::bindings::bind_model<fisherpoint::HydraulicCylinder>(m);
   fisherpoint::bindings::bind_model<fisherpoint::CompiledModel>(m);  // before the tape, which it is too

@@ -3,7 +3,7 @@
 #include "bindings.hpp"
 #include "fisherpoint/kernels/supported_levels.hpp"
 
-PYBIND11_MODULE(_core, m) {
+PYBIND11_MODULE(_core, m, pybind11::mod_gil_not_used()) {
   m.doc() = "What the core does once, whatever the instruction set: models, prior nodes, Fisher accumulator.";
   fisherpoint::bindings::bind_models(m);
   fisherpoint::bindings::bind_tape(m);

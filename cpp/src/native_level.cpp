@@ -1,9 +1,6 @@
-// Prints the best level that this machine has, for which CMake then compiles; fails where it has none.
+// Prints the best level that this machine has, for which CMake then compiles.
 #include <cstdio>
 
 #include "fisherpoint/kernels/supported_levels.hpp"
 
-int main() {
-  const auto levels = fisherpoint::supported_levels();
-  return levels.empty() || std::fputs(levels.back().c_str(), stdout) < 0;
-}
+int main() { return std::fputs(fisherpoint::supported_levels().back().c_str(), stdout) < 0; }

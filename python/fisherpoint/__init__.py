@@ -223,14 +223,14 @@ if not TYPE_CHECKING:  # for which every name would exist
         """Import what has the name."""
         from importlib import import_module
 
-        from .basics.extras import needed_for
+        from .basics.interrupts import interrupts_wait
 
         places = [place for place, names in _PLACES.items() if name in names]
         if name in _MODULES:
             places = [_MODULES[name]]
         if not places:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}{_elsewhere(name)}")
-        with needed_for(name):
+        with interrupts_wait():
             module = import_module(places[0], __name__)
         value = globals()[name] = module if name in _MODULES else getattr(module, name)
         return value

@@ -11,32 +11,25 @@ from inspect import getdoc
 from time import perf_counter
 from typing import Annotated
 
+import typer
+
 import fisherpoint as fp
 from fisherpoint.basics.standard_input import hold_standard_input
 
 from .argv import ARGUMENTS, is_quiet
+from .browse import browse
+from .campaign import campaign
+from .compare import compare
+from .design import design
+from .estimate import estimate
 from .exits import INTERRUPTED, MISUSE, READER_LEFT, complain, why_not_imported
 from .heartbeat import Sign
 from .importing import importing
+from .init import init
 from .partial_output import WRITING, kept
-
-try:
-    import typer
-
-    from .browse import browse
-    from .campaign import campaign
-    from .compare import compare
-    from .design import design
-    from .estimate import estimate
-    from .init import init
-    from .points import evaluate, simulate
-    from .sweep import sweep
-    from .validate import validate
-except ModuleNotFoundError as missing:
-    if (missing.name or "").startswith("fisherpoint"):
-        raise
-    print(f"fisherpoint: {why_not_imported(missing)}", file=sys.stderr)
-    raise SystemExit(MISUSE) from None
+from .points import evaluate, simulate
+from .sweep import sweep
+from .validate import validate
 
 app = typer.Typer(
     help="Which short experiments to run so that the parameters of a nonlinear state space model come out precise.",

@@ -23,11 +23,9 @@ def leave(*_: object) -> NoReturn:
 
 def why_not_imported(error: ImportError) -> str:
     """What is missing, and what to do about it."""
-    message, package = " ".join(str(error).split()), (error.name or "").partition(".")[0]
+    message = " ".join(str(error).split())
     if ": expected " in message:
         return message
-    if package in ("pandas", "pydantic", "rich", "typer") and isinstance(error, ModuleNotFoundError):
-        return f"the command line needs {package}: pip install 'fisherpoint[all]'"
     return f"expected an installation that can be imported, given: {message}; reinstall fisherpoint"
 
 

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <stdexcept>
 #include <thread>
 #include <vector>
@@ -75,3 +76,25 @@ TEST_CASE("work is closed when all who take part have left") {
   work.close();
   CHECK(left);
 }
+
+#if defined(__linux__)
+TEST_CASE("threads have a megabyte of stack, however little the system gives by itself") {
+  pthread_attr_t before, small;
+  pthread_getattr_default_np(&before);
+  pthread_attr_init(&small);
+  pthread_attr_setstacksize(&small, 128 << 10);
+  pthread_setattr_default_np(&small);
+  constexpr int threads = 40;  // more than wait since other tests
+  std::atomic<int> inside = 0;
+  std::atomic<long> sum = 0;
+  Workers(threads).for_each(threads, [&](std::size_t) {
+    const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+    for (++inside; inside < threads && std::chrono::steady_clock::now() < until;) std::this_thread::yield();
+    std::array<volatile char, 1 << 20> room;
+    for (std::size_t i = 0; i < room.size(); i += 1024) room[i] = 1;
+    sum += room[0];
+  });
+  CHECK(sum == threads);
+  pthread_setattr_default_np(&before);
+}
+#endif

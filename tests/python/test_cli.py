@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -278,10 +276,3 @@ def test_misuse_exits_2_with_one_line(run: Any, file: Path, tmp_path: Path) -> N
         assert result.err.count("\n") == 1
         assert result.err.startswith("fisherpoint: ")
     assert not (tmp_path / "run").exists()
-
-
-def test_a_missing_extra_is_named() -> None:
-    code = "import sys; sys.modules['typer'] = None; import fisherpoint_command.cli"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == "fisherpoint: the command line needs typer: pip install 'fisherpoint[all]'\n"

@@ -15,9 +15,6 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-
-pytest.importorskip("typer", reason="needs the extras")
-
 from cli_mistakes import DATA, DECAY, ENZYME, FILES
 from fisherpoint.basics.standard_input import held
 from fisherpoint.design.file.configuration import load_config

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("typer", reason="needs the extras")
-
 from cli_mistakes import FILES, MISTAKES
 from fisherpoint_command import cli
 

@@ -186,20 +186,13 @@ def test_an_instruction_set_that_the_machine_lacks_is_one_line() -> None:
         assert done.stderr == f"fisherpoint: FISHERPOINT_ISA: expected one of {available}, given {level!r}, {why}\n"
 
 
-@pytest.mark.parametrize("package", ["numpy", "scipy.special", "fisherpoint.engine._core"])
+@pytest.mark.parametrize("package", ["numpy", "scipy.special", "fisherpoint.engine._core", "typer", "rich", "pydantic"])
 def test_an_installation_that_is_not_whole_is_one_line(package: str, points: Path, tmp_path: Path) -> None:
     arguments = ["design", EXAMPLES / "paper.toml", "-o", tmp_path / "run", "--no-plots"]
     done = run(*arguments, program=MISSING.format(package=package))
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("fisherpoint: expected an installation that can be imported, given: ")
     assert package.rpartition(".")[2] in done.stderr and done.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("package", ["typer", "rich", "pydantic"])
-def test_a_missing_extra_is_named(package: str, points: Path) -> None:
-    done = run("simulate", EXAMPLES / "paper.toml", points, program=MISSING.format(package=package))
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == f"fisherpoint: the command line needs {package}: pip install 'fisherpoint[all]'\n"
 
 
 def test_tables_without_their_package(points: Path, tmp_path: Path) -> None:
@@ -248,20 +241,25 @@ def test_pictures_without_their_package(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize(
-    ("package", "call"),
-    [
-        ("sympy", "fp.math.sqrt"),
-        ("sympy", "fp.SymbolicModel"),
-        ("sympy", "fp.model"),
-        ("pydantic", "fp.load_model"),
-        ("sympy", "fp.HydraulicCylinder().symbolic()"),
-        ("sympy", "fp.HydraulicCylinder().blocks"),
-        ("sympy", "fp.HydraulicCylinder(smooth={'v': 1e-3}).core"),
-    ],
-)
-def test_what_needs_an_extra_names_it(package: str, call: str) -> None:
-    done = run(program=f"import sys; sys.modules[{package!r}] = None; import fisherpoint as fp; {call}")
+@pytest.mark.parametrize(("package", "method"), [("pandas", "to_pandas"), ("matplotlib", "plot")])
+def test_a_missing_extra_is_named(package: str, method: str) -> None:
+    done = run(
+        program=f"""
+import sys
+sys.modules[{package!r}] = None
+import fisherpoint as fp
+model = fp.model(states={{"x": "m"}}, parameters={{"k": "1/s"}}, outputs={{"y": "m"}})(lambda x, u, p: ([-p.k * x.x], [x.x]))
+prior = fp.GaussianPrior(mean={{"k": 1.0}}, relative_std={{"k": 0.1}})
+problem = fp.DesignProblem(model, prior, fp.ExperimentRegion(dict(x=(1, 2), dt=(0.5, 2))), noise_std={{"y": 0.1}})
+fp.evaluate(problem, problem.region.draw(model, 3)).{method}()
+"""
+    )
     last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("ModuleNotFoundError: ")
-    assert last.endswith(f": expected the package {package}, given none: pip install 'fisherpoint[all]'")
+    assert last == f"ModuleNotFoundError: {method}: expected the package {package}, given none: pip install 'fisherpoint[all]'"
+
+
+def test_equations_without_their_package(tmp_path: Path) -> None:
+    done = run("design", EXAMPLES / "box_lucas.toml", "-o", tmp_path / "run", "--no-plots", program=MISSING.format(package="sympy"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("fisherpoint: expected an installation that can be imported, given: ")
+    assert "sympy" in done.stderr and done.stderr.endswith("; reinstall fisherpoint\n") and done.stderr.count("\n") == 1

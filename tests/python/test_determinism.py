@@ -253,8 +253,9 @@ def test_the_best_level_is_taken_by_default() -> None:
 @pytest.mark.parametrize("level", fp.instruction_sets())
 def test_a_kernel_module_exports_its_entry_alone(level: str) -> None:
     (library,) = PACKAGE.joinpath("engine").glob(f"_kernels_{level}.*.so")
-    listed = subprocess.run(["nm", "-D", "--defined-only", str(library)], capture_output=True, text=True, check=True).stdout
-    symbols = [line.split()[-1] for line in listed.splitlines()]
+    outside = ["-gU"] if sys.platform == "darwin" else ["-D", "--defined-only"]
+    listed = subprocess.run(["nm", *outside, str(library)], capture_output=True, text=True, check=True).stdout
+    symbols = [line.split()[-1].removeprefix("_") for line in listed.splitlines()]
     assert symbols == [f"PyInit__kernels_{level}"]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from functools import cache
 from io import StringIO
@@ -157,16 +156,6 @@ def test_an_approximate_design_says_what_it_does() -> None:
     found = fp.approximate_design(problem(), n_candidates=50, starts=20, progress=heard.append)
     assert {now.message.split(",")[0] for now in heard} == {"searching", "weighing"} and all(now.step > 0 for now in heard)
     assert found.value == fp.approximate_design(problem(), n_candidates=50, starts=20).value
-
-
-def test_without_rich_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in sys.modules if name.partition(".")[0] == "rich"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "rich", None)
-    for work, _ in WORKS.values():
-        with pytest.raises(ImportError, match="progress: expected the package rich, given none: pip install"):
-            work(True)
-        work(None)
 
 
 def test_a_notebook_without_widgets_has_a_line_of_text(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

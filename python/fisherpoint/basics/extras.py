@@ -1,4 +1,4 @@
-"""Packages that only some parts need, and that ``pip install fisherpoint`` leaves out."""
+"""Packages for pictures and tables, which ``pip install fisherpoint`` leaves out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from .interrupts import interrupts_wait
 
-EXTRAS = ("matplotlib", "pandas", "pydantic", "rich", "sympy", "typer")
+EXTRAS = ("matplotlib", "pandas")
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..basics.extras import needed_for
 from ..basics.messages import shown
 from .base import Model
 from .hydraulic_cylinder import MODELS, HydraulicCylinder
@@ -19,8 +18,7 @@ def model_to_json(model: Model) -> dict[str, Any]:
 
 def model_from_json(data: dict[str, Any]) -> Model:
     if "toml" in data:
-        with needed_for("a model with equations"):
-            from .toml_to_model import model_from_toml
+        from .toml_to_model import model_from_toml
 
         return model_from_toml(data["toml"])
     if data["name"] not in MODELS:

@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import threading
 import warnings
 from collections.abc import Sequence
@@ -56,6 +57,9 @@ _WHOLE_MOVES = (
     *("--param", "sra-max-scalarization-size-Ospeed=4096", "--param", "sra-max-propagations=100000"),
     *("-mmove-max=256", "-mstore-max=256"),
 )
+
+# Nothing but the kernels' table leaves the library.
+_ENTRY_ALONE = "-Wl,-exported_symbol,_fisherpoint_kernels" if sys.platform == "darwin" else f"-Wl,--version-script={_EXPORTS}"
 
 LAST_LINES = 3
 """Number of last lines of a compiler's output that are shown beside its first error."""
@@ -169,7 +173,7 @@ def _build(compiler: str, flags: list[str], sources: dict[str, str]) -> bytes:
             (temporary.path / name).write_text(text, encoding="utf-8")
         _run([[compiler, *flags, "-c", f"{name}.cpp"] for name in _SOURCES], temporary)
         objects = [f"{name}.o" for name in _SOURCES]
-        _run([[compiler, "-shared", "-pthread", f"-Wl,--version-script={_EXPORTS}", "-o", "library.so", *objects]], temporary)
+        _run([[compiler, "-shared", "-pthread", _ENTRY_ALONE, "-o", "library.so", *objects]], temporary)
         return (temporary.path / "library.so").read_bytes()
     finally:
         temporary.remove()

@@ -8,7 +8,6 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from ..basics.checks import as_float, as_positive, by_name
-from ..basics.extras import needed_for
 from ..basics.messages import shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
@@ -142,8 +141,7 @@ class HydraulicCylinder(Model):
 
     @cached_property
     def _equations(self) -> SymbolicModel:
-        with needed_for("a model as equations"):
-            from .cylinder_equations import symbolic_cylinder
+        from .cylinder_equations import symbolic_cylinder
 
         return symbolic_cylinder(self, self.smooth)
 

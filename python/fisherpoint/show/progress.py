@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..basics.extras import needed_for
+from ..basics.interrupts import interrupts_wait
 
 WIDTH = 80
 """Characters in a notebook, which has no width of its own."""
@@ -45,13 +45,14 @@ class Progress(NamedTuple):
 
 
 def check_progress(progress: object) -> None:
-    """Raise where `progress` is unsuitable, or where the package that shows a bar is missing: before the work, not in it."""
+    """Raise where `progress` is unsuitable, and import what shows a bar: before the work, not in it."""
     if progress is None or callable(progress):
         return
     if not isinstance(progress, bool | np.bool_):
         raise TypeError(f"progress: expected True, False or a function, given {type(progress).__name__}")
     if progress:
-        _imported()
+        with interrupts_wait():
+            import rich.progress  # noqa: F401  with all that it imports
 
 
 @contextmanager
@@ -168,8 +169,3 @@ class _Line:
     @staticmethod
     def _write(text: str) -> None:
         print(f"\r{text[:WIDTH]:<{WIDTH}}", end="\r", file=sys.stderr, flush=True)
-
-
-def _imported() -> None:
-    with needed_for("progress"):
-        import rich.progress  # noqa: F401  with all that it imports

@@ -108,8 +108,7 @@ class ThreadPool {
       offers_.insert(offers_.end(), threads, work);
       open_ = offers_.size();
       try {
-        for (; waiting_ < offers_.size(); ++waiting_)
-          std::thread([this, room = std::make_unique<Room>()]() mutable { run(std::move(room)); }).detach();
+        for (; waiting_ < offers_.size(); ++waiting_) start();
       } catch (const std::system_error&) {
       } catch (const std::bad_alloc&) {
       }
@@ -127,6 +126,20 @@ class ThreadPool {
   }
 
  private:
+  // With a stack of our choice: musl's is 128 kB otherwise, which the kernels of a model of equations just about fill.
+  static void start() {
+    auto room = std::make_unique<Room>();
+    pthread_attr_t attributes;
+    pthread_attr_init(&attributes);
+    pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
+    pthread_attr_setstacksize(&attributes, stack_size);
+    const auto begin = [](void* kept) -> void* { here().run(std::unique_ptr<Room>(static_cast<Room*>(kept))); };
+    pthread_t thread;
+    const int failure = pthread_create(&thread, &attributes, begin, room.get());
+    pthread_attr_destroy(&attributes);
+    if (failure != 0) throw std::system_error(failure, std::generic_category());
+    room.release();  // which the thread has
+  }
   [[noreturn]] void run(std::unique_ptr<Room> room) {
     room.reset();
     {
@@ -153,6 +166,7 @@ class ThreadPool {
     }
   }
 
+  static constexpr std::size_t stack_size = 2 << 20;
   static inline std::atomic<ThreadPool*> current_ = nullptr;
   std::mutex mutex_;
   std::condition_variable offered_;

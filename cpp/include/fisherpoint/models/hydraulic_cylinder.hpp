@@ -52,9 +52,10 @@ struct HydraulicCylinder {
       const auto& [u] = inputs;
       const auto& [motion, spool] = side;
 
-      const auto opening = x_v * heaviside(spool), closing = -(x_v * heaviside(-spool));  // x_v H(x_v), -x_v H(-x_v)
-      const auto s_A = sqrt(p_s - p_A);                                                   // supply to A
-      const auto t_A = sqrt(p_A - p_t);                                                   // A to tank
+      const auto opening = x_v * heaviside(spool);      // x_v H(x_v)
+      const auto closing = -(x_v * heaviside(-spool));  // -x_v H(-x_v)
+      const auto s_A = sqrt(p_s - p_A);                 // supply to A
+      const auto t_A = sqrt(p_A - p_t);                 // A to tank
       const auto s_B = sqrt(p_s - p_B);
       const auto t_B = sqrt(p_B - p_t);
 
