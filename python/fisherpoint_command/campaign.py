@@ -159,7 +159,7 @@ def _refuse_changes(config: Config, given: fp.Campaign, found: fp.Campaign, dire
 def _read(config: Config, path: Path) -> fp.Measurements:
     from .terminal import read_data
 
-    return read_data(path, "measurements", fp.Measurements.from_csv, config.build_model())
+    return read_data(path, "measurements", fp.Measurements.from_table, config.build_model())
 
 
 def _taken(run: fp.Campaign, path: Path, data: fp.Measurements, progress: bool) -> list[str]:

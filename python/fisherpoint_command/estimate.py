@@ -119,16 +119,16 @@ def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
 
     A column t of a model that has such a state or output is one of times where the file has no durations.
     """
-    from fisherpoint.basics.csv_table import CsvTable
     from fisherpoint.basics.quantity import names_of
+    from fisherpoint.basics.table import Table
     from fisherpoint.points.run_files import time_name
 
     time = time_name(names_of(model.inputs))
-    axes, names = {quantity.name for quantity in (*model.axes, *model.outputs)}, CsvTable(path).names
+    axes, names = {quantity.name for quantity in (*model.axes, *model.outputs)}, Table(path).names
     without_durations = bool(model.states) and "dt" not in names
     if time in names and (without_durations or (time == "t" and time not in axes)):
         states = {quantity.name for quantity in model.states} - {"T"}
         if "T" in axes.difference(names) and ("T" in {q.name for q in model.inputs} or states | {"dt"} & set(names)):
             raise ValueError("expected the column T of the model, given t, which is the time of a record")
-        return fp.Record.from_csv(path, model)
-    return fp.Measurements.from_csv(path, model)
+        return fp.Record.from_table(path, model)
+    return fp.Measurements.from_table(path, model)

@@ -44,7 +44,7 @@ def test_it_writes_the_fit_and_prints_the_report(tmp_path: Path, measured: Path,
     assert "maximum a posteriori, noise given" in printed
     assert (out / "report.txt").read_text(encoding="utf-8").strip() in printed
     config = load_config(DECAY)
-    data = fp.Measurements.from_csv(measured, config.build_model())
+    data = fp.Measurements.from_table(measured, config.build_model())
     expected = fp.estimate(config.build_model(), data, config.build_prior(), noise_std={"c": 0.2})
     told = json.loads((out / "fit.json").read_text())
     assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
@@ -57,7 +57,7 @@ def test_runs_are_read_by_their_columns(tmp_path: Path, measured: Path) -> None:
     runs = fp.Runs(np.ones((2, 1)), np.zeros((2, 4, 0)), 500.0, [True, False, True, True])
     rig.measure(runs).to_csv(tmp_path / "runs.csv", model)
     assert run(DECAY, measured, tmp_path / "runs.csv", "-o", out) == 0
-    data = [fp.Measurements.from_csv(path, model) for path in (measured, tmp_path / "runs.csv")]
+    data = [fp.Measurements.from_table(path, model) for path in (measured, tmp_path / "runs.csv")]
     expected = fp.estimate(model, data, config.build_prior(), noise_std={"c": 0.2})
     told = json.loads((out / "fit.json").read_text())
     assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
