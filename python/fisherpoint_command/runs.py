@@ -75,13 +75,6 @@ def run_simulation_csv(model: fp.Model, runs: fp.Runs, done: fp.Trajectories) ->
     return csv_text((RUN.name, SEGMENT.name, "t", *names, "status"), rows)
 
 
-def read_previous(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.Measurements:
-    """Measurements where the file has a column of an output, else points or runs that are planned."""
-    if any(name.startswith("y_") for name in Table(path).names):
-        return fp.Measurements.from_table(path, model)
-    return read_points(path, model)
-
-
 def read_designs(paths: list[Path], problem: fp.DesignProblem) -> dict[str, fp.Experiments | fp.Runs]:
     """Points or runs of files by the shortest names that distinguish these; a warning names points outside of the region."""
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(paths).items()}

@@ -77,9 +77,8 @@ class Table:
                 rates = "" if len(column) == len(taken[0]) else ": Record.merged takes channels of different rates"
                 raise ValueError(f"{self.path}: column {shortened(head)}: expected {expected}, given {len(column)}{rates}")
         added = [match_heads(text, read.heads)[1] for text in named] if named else [None] * len(taken)
-        units = [
-            next((unit for unit in of if unit is not None), None) for of in zip(added, of_heads, below or read.units, strict=True)
-        ]
+        choices = zip(added, of_heads, below or read.units, strict=True)
+        units = [next((unit for unit in of_column if unit is not None), None) for of_column in choices]
         self.units: dict[str, str | None] = dict(zip(self.names, units, strict=True))
         self._columns: dict[str, Column] = dict(zip(self.names, taken, strict=True))
         self._named, self._decimal_comma = named is not None, False

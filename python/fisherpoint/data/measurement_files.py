@@ -28,7 +28,17 @@ from ..basics.table import Table
 from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import BOOKKEEPING, Experiments, columns_of
-from ..points.run_files import MEASURED, RUN, SEGMENT, rest_columns_of, rest_of_table, runs_csv, runs_of_table
+from ..points.run_files import (
+    MEASURED,
+    RUN,
+    SEGMENT,
+    rest_columns,
+    rest_columns_of,
+    rest_of_table,
+    runs_csv,
+    runs_of_table,
+    time_name,
+)
 from ..points.runs import Points, Runs, as_runs
 from ..points.status import Status
 from .plausibility import refuse_implausible
@@ -55,6 +65,14 @@ def read_measurements(table: Table, model: Model) -> tuple[Points, Array]:
     """Read and check points, or runs, and outputs of a table of measurements of `model`; see `Measurements.from_table`."""
     table.warn_of_cut_off()
     return _runs(table, model) if {RUN.name, SEGMENT.name} <= set(table.names) - set(_axes(model)) else _points(table, model)
+
+
+def column_names(model: Model) -> tuple[str, ...]:
+    """Names of the columns that tables of records and measurements may have."""
+    states, inputs, outputs = (names_of(some) for some in (model.states, model.inputs, model.outputs))
+    of_runs = (RUN.name, SEGMENT.name, MEASURED.name, *rest_columns(inputs, outputs))
+    starts, measured = (f"x0_{name}" for name in states), (f"y_{name}" for name in outputs)
+    return tuple(dict.fromkeys((time_name(inputs), *_axes(model), *starts, *outputs, *measured, *of_runs, "status")))
 
 
 def _points(table: Table, model: Model) -> tuple[Experiments, Array]:
