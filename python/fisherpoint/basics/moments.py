@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from .extras import needed_for
 from .values import Array
 
-FORMS = "a time such as 2025-05-01T12:00:00.25, 12:00:00.25, or seconds"
+FORMS = "a time such as 2025-05-01 12:00:00.25, 01.05.2025 12:00, 12:00:00.25 or 1.5 (pandas.to_datetime reads others)"
 
 HALF_A_DAY = np.timedelta64(12, "h")
 
 _DATE = re.compile(r"\d{4}-?\d\d-?\d\d([T ].*)?")
+_DAY_FIRST = re.compile(r"^(\d\d)\.(\d\d)\.(\d{4})\b")
 _CLOCK = re.compile(r"(-?\d+ days?,? )?\+?\d+:\d\d:\d\d([.,]\d+)?")
 _MARKS = re.compile(r"\d[-/:]\d|\d\.\d+\.\d")
 
@@ -27,13 +28,13 @@ def is_moment(text: str) -> bool:
 
 
 def moments(texts: Sequence[str]) -> tuple[Array, NDArray[np.bool_]]:
-    """Seconds from the first of times of day, or of dates in ISO 8601, and which of them are none.
+    """Seconds from the first of times of day, or of dates as in ISO 8601 or with the day first and points, and which are none.
 
     A clock that falls by more than half a day has passed midnight. Offsets from UTC count.
     """
     with needed_for("dates and times of day"):
         import pandas as pd
-    texts = [text.replace(",", ".") for text in texts]
+    texts = [_DAY_FIRST.sub(r"\3-\2-\1", text.strip()).replace(",", ".") for text in texts]
     dates = _DATE.fullmatch(texts[0]) is not None
     fits = np.array([(_DATE if dates else _CLOCK).fullmatch(text) is not None for text in texts])
     fitting = pd.Series(texts, dtype=object).where(fits, None)
