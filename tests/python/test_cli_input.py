@@ -116,6 +116,21 @@ def test_check_of_a_campaign_that_has_begun(run: Any, place: Path) -> None:
     assert (place / "run" / "campaign.json").read_bytes() == before
 
 
+def test_data_of_a_logger_are_read_by_the_names_of_their_columns(run: Any, place: Path) -> None:
+    (place / "log.csv").write_text("Conc;Rate\nppm;\n1,1;200\n0,1;130\n0,5;190\n")
+    (place / "named.toml").write_text((place / "enzyme.toml").read_text() + '\n[data]\ns = "Conc"\ny_rate = "Rate"\n')
+    named = ("--column", "s=Conc", "--column", "y_rate=Rate")
+    for file, columns in (("named.toml", ()), ("enzyme.toml", named)):
+        for command in (["estimate", file, "log.csv"], ["campaign", file, "--data", "log.csv"]):
+            code, out, err = run(*command, *columns, "--check")
+            assert (code, err) == (0, "") and "Measurements(3 points, 1 outputs, 3 of 3 numbers)" in out
+        for command in (["design", file], ["sweep", file, "-L", "2:3"]):
+            code, _, err = run(*command, "--previous", "log.csv", "--previous", "points.csv", *columns, "--check")
+            assert (code, err) == (0, "")
+    code, _, err = run("design", "enzyme.toml", "--previous", "log.csv", "--check")
+    assert code == 2 and "log.csv: expected the columns s; given Conc, Rate" in err
+
+
 # --- Standard input -------------------------------------------------------------------------------------------------------
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import islice
@@ -83,9 +84,10 @@ def read_csv(path: Path, wanted: Sequence[str] | None = None) -> ReadColumns:
 def _text(path: Path) -> str:
     given = read_bytes(path)
     wide = given.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
+    for encoding, alien in (("utf-16", "\0"),) if wide else (("utf-8-sig", "\0"), ("cp1252", "[\0-\10\16-\37]")):
         with suppress(UnicodeDecodeError):
-            if "\0" not in (text := given.decode(encoding)):
+            text = given.decode(encoding)
+            if not re.search(alien, text):
                 return text
     raise ValueError(f"{printable(path)}: expected a table as text, given bytes that are not text: {READ_OTHERWISE}")
 

@@ -18,7 +18,8 @@ HALF_A_DAY = np.timedelta64(12, "h")
 
 _DATE = re.compile(r"\d{4}-?\d\d-?\d\d([T ].*)?")
 _DAY_FIRST = re.compile(r"^(\d\d)\.(\d\d)\.(\d{4})\b")
-_CLOCK = re.compile(r"(-?\d+ days?,? )?\+?\d+:\d\d:\d\d([.,]\d+)?")
+_CLOCK = re.compile(r"(\d+ days?,? )?\d+:\d\d:\d\d(\.\d+)?")
+_COMMA = re.compile(r"(\d),(\d)")
 _MARKS = re.compile(r"\d[-/:]\d|\d\.\d+\.\d")
 
 
@@ -34,7 +35,7 @@ def moments(texts: Sequence[str]) -> tuple[Array, NDArray[np.bool_]]:
     """
     with needed_for("dates and times of day"):
         import pandas as pd
-    texts = [_DAY_FIRST.sub(r"\3-\2-\1", text.strip()).replace(",", ".") for text in texts]
+    texts = [_COMMA.sub(r"\1.\2", _DAY_FIRST.sub(r"\3-\2-\1", text.strip())) for text in texts]
     dates = _DATE.fullmatch(texts[0]) is not None
     fits = np.array([(_DATE if dates else _CLOCK).fullmatch(text) is not None for text in texts])
     fitting = pd.Series(texts, dtype=object).where(fits, None)
