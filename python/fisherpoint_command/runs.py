@@ -12,7 +12,7 @@ import numpy as np
 import fisherpoint as fp
 from fisherpoint.basics.csv_file import csv_text
 from fisherpoint.basics.files import write_whole
-from fisherpoint.basics.table import Table
+from fisherpoint.basics.table import DataTable
 from fisherpoint.design.file.configuration import Config
 from fisherpoint.points.run_files import RUN, SEGMENT
 
@@ -85,7 +85,7 @@ def read_designs(paths: list[Path], problem: fp.DesignProblem) -> dict[str, fp.E
 
 def read_points(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs:
     """Points, or runs where the file has a row for every segment of one."""
-    names = Table(path).names
+    names = DataTable(path).names
     if RUN.name in names and SEGMENT.name in names:
         return fp.Runs.from_csv(path, model)
     return fp.Experiments.from_csv(path, model)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import fisherpoint as fp
 from fisherpoint.basics.quantity import names_of
-from fisherpoint.basics.table import Table
+from fisherpoint.basics.table import DataTable
 from fisherpoint.basics.toml_tables import wrong_names
 from fisherpoint.data.measurement_files import column_names
 from fisherpoint.design.file.configuration import Config, ConfigError
@@ -42,7 +42,7 @@ class DataFiles:
 
         A column t of a model that has such a state or output is one of times where the file has no durations.
         """
-        table = Table(path, self.columns)
+        table = DataTable(path, self.columns)
         time, names = time_name(names_of(model.inputs)), table.names
         axes = {quantity.name for quantity in (*model.axes, *model.outputs)}
         without_durations = bool(model.states) and "dt" not in names
@@ -55,9 +55,9 @@ class DataFiles:
 
     def previous(self, path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.Measurements:
         """Measurements where the file has a column of an output, else points or runs that are planned, by names of their own."""
-        own: Table | None = None
+        own: DataTable | None = None
         with suppress(ValueError):
-            own = Table(path)
+            own = DataTable(path)
         planned = own is not None and set(names_of(model.axes)) <= set(own.names)
         if self.columns is not None and not planned:
             return self.measurements(path, model)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .checks import as_numbers
 from .heads import Column, ReadColumns, missing_columns, places_of
-from .messages import shortened
+from .messages import shortened, shown
 
 INDEX = "index"
 """Name under which the index of a frame is found where it has none of its own."""
@@ -55,7 +55,10 @@ def _labels(given: Any, wanted: Collection[str]) -> tuple[Any, dict[str, Any]]:
 
 
 def _values(column: Any, place: str) -> Column:
-    array = column if isinstance(column, np.ndarray) else np.asarray(column)
+    try:
+        array = column if isinstance(column, np.ndarray) else np.asarray(column)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(f"{place}: expected a number in each row, given {shown(column)}") from error
     if array.ndim == 2 and 1 in array.shape:
         array = array.ravel()
     if array.ndim != 1 or not len(array):
@@ -74,7 +77,7 @@ def _values(column: Any, place: str) -> Column:
 
 def _unit(column: Any) -> str | None:
     """The attribute `units` or `unit` of a column of xarray, HDF5 or pandas."""
-    attributes = getattr(column, "attrs", {})
-    unit = attributes.get("units", attributes.get("unit"))
+    attributes = getattr(column, "attrs", None)
+    unit = attributes.get("units", attributes.get("unit")) if isinstance(attributes, Mapping) else None
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else unit
     return unit if isinstance(unit, str) else None

@@ -31,7 +31,7 @@ MISSING = {"", "na", "n/a", "#n/a", "nan", "null", "none", "nat", "<na>"}
 """Entries, in small letters, of what was not measured."""
 
 
-class Table:
+class DataTable:
     """Columns under their names, and the units that the heads give in brackets, as in ``p_A [bar]``, or that stand below the heads.
 
     Rows count from 1, the first that has data.
@@ -234,9 +234,9 @@ class Table:
             raise self.error(row, name, f"expected a number, given {shown(given, 40)}{hint}") from None
 
 
-def as_table(given: Any, columns: Mapping[str, str] | None = None) -> Table:
+def as_table(given: Any, columns: Mapping[str, str] | None = None) -> DataTable:
     """A table that was read already, or one that is."""
-    return given if isinstance(given, Table) else Table(given, columns)
+    return given if isinstance(given, DataTable) else DataTable(given, columns)
 
 
 def _units_below(read: Sequence[Column]) -> list[str | None] | None:

@@ -8,13 +8,13 @@ import numpy as np
 
 from ..basics.messages import listed
 from ..basics.quantity import names_of
-from ..basics.table import Table
+from ..basics.table import DataTable
 from ..basics.values import Array
 from ..models import Model
 from ..points.run_files import time_name
 
 
-def read_record(table: Table, model: Model) -> tuple[Array, Array, Array, dict[str, float]]:
+def read_record(table: DataTable, model: Model) -> tuple[Array, Array, Array, dict[str, float]]:
     """t (N,), u (N, n_u), y (N, n_y) and the known starts of a table of `model`; see `Record.from_table`."""
     time, columns, starts = _columns(table, model)
     table.warn_of_cut_off()
@@ -29,7 +29,7 @@ def read_record(table: Table, model: Model) -> tuple[Array, Array, Array, dict[s
     return t, u, y, _starts(table, model, starts)
 
 
-def _columns(table: Table, model: Model) -> tuple[str, dict[str, str], dict[str, str]]:
+def _columns(table: DataTable, model: Model) -> tuple[str, dict[str, str], dict[str, str]]:
     """The columns of the times, of each output that was measured, and of starts by state, after a check of all columns."""
     time, inputs, outputs = time_name(names_of(model.inputs)), names_of(model.inputs), names_of(model.outputs)
     starts = {name: f"x0_{name}" for name in names_of(model.states) if f"x0_{name}" in table and f"x0_{name}" not in inputs}
@@ -45,7 +45,7 @@ def _columns(table: Table, model: Model) -> tuple[str, dict[str, str], dict[str,
     return time, {name: columns[0] for name, columns in choices.items() if columns}, starts
 
 
-def _starts(table: Table, model: Model, columns: Mapping[str, str]) -> dict[str, float]:
+def _starts(table: DataTable, model: Model, columns: Mapping[str, str]) -> dict[str, float]:
     """Starts that the first row has; further rows say the same, or nothing."""
     known = {}
     for state in model.states:

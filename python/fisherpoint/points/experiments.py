@@ -14,7 +14,7 @@ from ..basics.csv_file import csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
 from ..basics.quantity import DURATION, names_of
-from ..basics.table import Table
+from ..basics.table import DataTable
 from ..basics.values import Array
 from ..models import Model
 from ..show.section import Report
@@ -151,7 +151,7 @@ class Experiments(InNotebooks):
             Where a column is missing or unknown, or an entry is no number; the message names row and column.
         """
         check_type(model, Model, "model")
-        table = Table(as_path(path, "path"))
+        table = DataTable(as_path(path, "path"))
         names, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
         places = (*place_names(n_x, n_u), *names[n_x + n_u :])
         columns = places if places[0] in table and names[0] not in table else names

@@ -17,7 +17,7 @@ from ...basics.files import REPORTS, write_together
 from ...basics.messages import printable
 from ...basics.quantity import names_of
 from ...basics.result_files import Kept
-from ...basics.table import Table
+from ...basics.table import DataTable
 from ...engine.versions import versions
 from ...information.problem_report import problem_sections
 from ...points.experiments import points_csv
@@ -129,7 +129,7 @@ def _has_points_of(design: FoundDesign, path: Path) -> bool:
     """Whether a table has a design's points, whatever columns were filled in and to as many digits as spreadsheets keep."""
     axes = design.problem.model.axes
     try:
-        table = Table(path)
+        table = DataTable(path)
         table.read_decimal_commas(names_of(axes))
         points = np.column_stack([table.complete(quantity) for quantity in axes])
     except (OSError, ValueError, KeyError):
