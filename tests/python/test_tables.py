@@ -57,6 +57,7 @@ FORMS: dict[str, tuple[str | bytes, dict[str, str] | None]] = {
         {"t": "Zeit", "u": "Spannung [mV]", "level": "Pegel [Ch 2] (cm)"},
     ),
     "rows above the heads": ("Logger 7\n\nRate: 2 Hz, 3 Kanäle\n;;;\n" + PLAIN, COLUMNS),
+    "a row of groups above": ("Pegel;Pegel;Pumpe\n" + german(PLAIN), COLUMNS),
     "rows above with an open quote": ('Pump "3 in, old\n' + PLAIN, COLUMNS),
     "a row of units": (PLAIN.replace("Pegel\n", "Pegel\nms,mV,cm\n").replace("1.5,0.5", "1500,50")
                        .replace("0.5,1.625", "500,1625").replace("1.25,-2,0.75", "1250,-2000,75"), COLUMNS),

@@ -60,7 +60,7 @@ def read_csv(path: Path, wanted: Sequence[str] | None = None) -> ReadColumns:
             if len(row) != len(heads) and (not behind or any(behind)):  # loggers end lines with a separator
                 last = next(read, None) is None and not ends
                 raise ValueError(_wrong_length(name, heads, row, len(rows), separator, last))
-            rows.append([row[k] for k in kept])
+            rows.append(row if wanted is None else [row[k] for k in kept])
     except csv.Error as error:
         raise ValueError(f"{name}: expected a complete CSV file, given one that breaks: {error}") from error
     if not rows:

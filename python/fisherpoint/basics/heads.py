@@ -75,11 +75,11 @@ def places_of(wanted: Sequence[str], heads: Sequence[str]) -> list[int]:
     Raises
     ------
     ValueError
-        Where several heads fit.
+        Where all are there, and several heads fit one of them.
     """
     found = {text: match_heads(text, heads)[0] for text in wanted}
     for text, places in found.items():
-        if len(places) > 1:
+        if len(places) > 1 and all(found.values()):
             among = listed(heads[k] for k in places)
             raise ValueError(f"columns: expected the name of one column, given {text}, which fits {among}")
     return [found[text][0] for text in wanted if found[text]]
