@@ -248,6 +248,13 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             " ends.",
         },
     ),
+    "data": (
+        "The columns of files that are called otherwise than here, by the name that each would have: records and measurements of"
+        " `fisherpoint estimate`, `campaign` and `--previous` are read by these, and what is not named is left out."
+        " [Tables from elsewhere](../how_to/tables.md).",
+        '[data]\nt = "Time"\nu = "Spannung [mV]"\ny_q = "Weg"\n',
+        {},
+    ),
 }
 
 SAID: dict[str, str] = {

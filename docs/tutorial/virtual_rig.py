@@ -41,7 +41,7 @@ rig = fp.VirtualRig(tanks, {"k1": 0.026, "k2": 0.017, "c": 0.0017}, noise_std={"
 campaign = fp.Campaign(problem, batch=4, targets=0.005, directory="campaign", max_iterations=40)
 while not campaign.done:
     points = campaign.next()  # the same ones until their data are given
-    data = rig.measure(points)  # of a real rig: fp.Measurements.from_csv("measured.csv", tanks)
+    data = rig.measure(points)  # of a real rig: fp.Measurements.from_table("measured.csv", tanks)
     campaign.tell(data)
     rse = ", ".join(f"{name} {100 * share:.2f} %" for name, share in campaign.rse.items())
     print(f"batch {len(campaign.history)}: {rse}")

@@ -15,7 +15,7 @@ from .argv import shell_line
 from .exits import INTERRUPTED
 from .frame import Frame
 from .importing import importing
-from .options import Output, Seed, framed
+from .options import Columns, Output, Seed, framed
 from .partial_output import begin_writing
 from .standard_input import one_from_standard_input
 
@@ -42,6 +42,7 @@ def campaign(
             help="The measured batch: the columns of batch_<k>.csv, and y_<output> for each measured output.",
         ),
     ] = None,
+    column: Columns = None,
     size: Annotated[
         int | None,
         typer.Option("-L", "--size", min=1, metavar="N", help="Points, or runs, of a batch; overrides the file."),
@@ -67,12 +68,12 @@ def campaign(
     if output is not None:
         free_for_campaign(output, fp.Campaign.is_in)
     if frame.check:
-        return _check(config, settings, file, output, data)
+        return _check(config, settings, file, output, data, _read(config, data, column))
     assert output is not None
     with drawers(None if frame.no_plots else "fisherpoint.campaign.pictures") as drawing:
         begin_writing(output)
         try:
-            measured = None if data is None else _read(config, data)
+            measured = _read(config, data, column)
             run = _opened(config, settings, output, frame.threads)
             lines = [] if data is None or measured is None else _taken(run, data, measured, progress=not frame.quiet)
             if not run.done or run.planned is not None:
@@ -109,7 +110,9 @@ def _settings(config: Config, size: int | None, seed: int | None) -> dict[str, A
     return settings | {"targets": table.targets}
 
 
-def _check(config: Config, settings: dict[str, Any], file: Path, output: Path | None, data: Path | None) -> int:
+def _check(
+    config: Config, settings: dict[str, Any], file: Path, output: Path | None, data: Path | None, measured: fp.Measurements | None
+) -> int:
     """Look at the campaign that there is, or would be, and at the data."""
     from fisherpoint.show.numbers import counted, percent
 
@@ -122,7 +125,7 @@ def _check(config: Config, settings: dict[str, Any], file: Path, output: Path | 
         rows = [("campaign", f"the one in {output}, {counted(len(found.history), 'batch', 'batches')} measured")]
     run = fp.Campaign(config.problem(), **settings)
     if data is not None:
-        rows.append(("data", repr(_read(config, data))))
+        rows.append(("data", repr(measured)))
         files.append(data)
     given = vars(run.settings)
     rows.append(("batch", str(run.batch)))
@@ -156,10 +159,12 @@ def _refuse_changes(config: Config, given: fp.Campaign, found: fp.Campaign, dire
         raise config.error(key, f"{text}; another needs another directory")
 
 
-def _read(config: Config, path: Path) -> fp.Measurements:
+def _read(config: Config, path: Path | None, column: list[str] | None) -> fp.Measurements | None:
+    from .tables import DataFiles
     from .terminal import read_data
 
-    return read_data(path, "measurements", fp.Measurements.from_csv, config.build_model())
+    files = DataFiles(config, column, None if path is None else [path])
+    return None if path is None else read_data(path, "measurements", files.measurements, config.build_model())
 
 
 def _taken(run: fp.Campaign, path: Path, data: fp.Measurements, progress: bool) -> list[str]:

@@ -16,7 +16,7 @@ import fisherpoint as fp
 from .argv import shell_line
 from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import File, Output, Previous, Seed, framed
+from .options import Columns, File, Output, Previous, Seed, framed
 from .standard_input import one_from_standard_input
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ def design(
         ),
     ] = None,
     previous: Previous = None,
+    column: Columns = None,
 ) -> int:
     """Find the experiment points, or with a table of runs in the file the runs, that determine the parameters best.
 
@@ -74,14 +75,21 @@ def design(
         from fisherpoint.points.outside_region import few, outside
 
         from .dry_run import points_row, search_rows, settings_of
-        from .runs import design_of_runs, read_previous
+        from .runs import design_of_runs
+        from .tables import DataFiles
         from .terminal import read_config, read_data
         from .written_results import write_shown
     config = read_config(file)
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     if config.runs is not None:
-        of_points = {"--keep": keep, "--previous": previous, "--method": method, "--max-iterations": max_iterations}
+        of_points = {
+            "--keep": keep,
+            "--previous": previous,
+            "--column": column,
+            "--method": method,
+            "--max-iterations": max_iterations,
+        }
         for option in (option for option, given in of_points.items() if given):
             raise ConfigError(f"{option}: expected a file with points to design; {file} has a table [runs]")
         settings = _with_over(config.run_settings(), over)
@@ -100,8 +108,9 @@ def design(
         if places := list(outside(problem.model, problem.region, kept)):
             raise ConfigError(f"{keep}: expected points of the region, given {few(places)}")
         files.append(keep)
+    data = DataFiles(config, column, previous)
     if previous:
-        settings["previous"] = [read_data(path, "points or measurements", read_previous, problem.model) for path in previous]
+        settings["previous"] = [read_data(path, "points or measurements", data.previous, problem.model) for path in previous]
         files += previous
     planned = settings_of(problem, settings)
     if keep is not None and not len(kept) < planned.n_experiments:

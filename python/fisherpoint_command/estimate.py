@@ -14,7 +14,7 @@ import fisherpoint as fp
 
 from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Noise, Output, framed
+from .options import Columns, Noise, Output, framed
 from .standard_input import from_standard_input, one_from_standard_input
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def estimate(
             "column t, a record, with columns x0_<state> for known starts.",
         ),
     ],
+    column: Columns = None,
     noise: Annotated[
         Noise | None, typer.Option(help="Known: \\[noise_std]; estimated: from the residuals. Default: known if the file has it.")
     ] = None,
@@ -65,6 +66,7 @@ def estimate(
 
         from .dry_run import about
         from .heartbeat import alive
+        from .tables import DataFiles
         from .terminal import read_config, read_data
         from .written_results import write_shown
     config = read_config(file)
@@ -74,7 +76,8 @@ def estimate(
     known = problem.noise_std is not None and noise is not Noise.estimated
     for path in (path for k, path in enumerate(data) if path.resolve() in [other.resolve() for other in data[:k]]):
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
-    parts = [read_data(path, "measurements", _read, problem.model) for path in data]
+    files = DataFiles(config, column, data)
+    parts = [read_data(path, "measurements", files.data, problem.model) for path in data]
 
     def plan() -> list[Row]:
         size = sum(1 if isinstance(part, fp.Record) else int(np.isfinite(part.samples).any(axis=-1).sum()) for part in parts)
@@ -112,23 +115,3 @@ def estimate(
 
     pictures = "fisherpoint.estimation.pictures"
     return frame.run(Task(problem=problem, files=[file, *data], plan=plan, pictures=pictures, compute=compute))
-
-
-def _read(path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
-    """Measurements of points or runs, or a record where the file has a column of times.
-
-    A column t of a model that has such a state or output is one of times where the file has no durations.
-    """
-    from fisherpoint.basics.csv_table import CsvTable
-    from fisherpoint.basics.quantity import names_of
-    from fisherpoint.points.run_files import time_name
-
-    time = time_name(names_of(model.inputs))
-    axes, names = {quantity.name for quantity in (*model.axes, *model.outputs)}, CsvTable(path).names
-    without_durations = bool(model.states) and "dt" not in names
-    if time in names and (without_durations or (time == "t" and time not in axes)):
-        states = {quantity.name for quantity in model.states} - {"T"}
-        if "T" in axes.difference(names) and ("T" in {q.name for q in model.inputs} or states | {"dt"} & set(names)):
-            raise ValueError("expected the column T of the model, given t, which is the time of a record")
-        return fp.Record.from_csv(path, model)
-    return fp.Measurements.from_csv(path, model)

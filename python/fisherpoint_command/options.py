@@ -38,6 +38,13 @@ Previous = Annotated[
         help="What is already measured, or planned besides: adds to the information of designs.",
     ),
 ]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=COLUMN",
+        help="What a column is called in the data, as u='Spannung \\[mV]'; others are left out. Adds to the file's \\[data].",
+    ),
+]
 
 File = Annotated[
     Path,

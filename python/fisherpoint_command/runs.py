@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
-from fisherpoint.basics.csv_table import CsvTable, csv_text
+from fisherpoint.basics.csv_file import csv_text
 from fisherpoint.basics.files import write_whole
+from fisherpoint.basics.table import DataTable
 from fisherpoint.design.file.configuration import Config
 from fisherpoint.points.run_files import RUN, SEGMENT
 
@@ -74,13 +75,6 @@ def run_simulation_csv(model: fp.Model, runs: fp.Runs, done: fp.Trajectories) ->
     return csv_text((RUN.name, SEGMENT.name, "t", *names, "status"), rows)
 
 
-def read_previous(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.Measurements:
-    """Measurements where the file has a column of an output, else points or runs that are planned."""
-    if any(name.startswith("y_") for name in CsvTable(path).names):
-        return fp.Measurements.from_csv(path, model)
-    return read_points(path, model)
-
-
 def read_designs(paths: list[Path], problem: fp.DesignProblem) -> dict[str, fp.Experiments | fp.Runs]:
     """Points or runs of files by the shortest names that distinguish these; a warning names points outside of the region."""
     points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(paths).items()}
@@ -91,7 +85,7 @@ def read_designs(paths: list[Path], problem: fp.DesignProblem) -> dict[str, fp.E
 
 def read_points(path: Path, model: fp.Model) -> fp.Experiments | fp.Runs:
     """Points, or runs where the file has a row for every segment of one."""
-    names = CsvTable(path).names
+    names = DataTable(path).names
     if RUN.name in names and SEGMENT.name in names:
         return fp.Runs.from_csv(path, model)
     return fp.Experiments.from_csv(path, model)

@@ -13,7 +13,7 @@ import fisherpoint as fp
 
 from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Output, Previous, Seed, framed
+from .options import Columns, Output, Previous, Seed, framed
 from .standard_input import one_from_standard_input
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def sweep(
         float | None, typer.Option(metavar="COST", help="What a design may cost, by the file's table of costs.")
     ] = None,
     previous: Previous = None,
+    column: Columns = None,
     seed: Seed = None,
 ) -> int:
     """Find designs of several sizes, and report what more experiments add, and cost.
@@ -54,7 +55,7 @@ def sweep(
         from fisherpoint.points.experiments import points_csv
 
         from .dry_run import search_rows, settings_of
-        from .runs import read_previous
+        from .tables import DataFiles
         from .terminal import read_config, read_data
         from .written_results import PAGE, write_shown
     config = read_config(file)
@@ -73,7 +74,8 @@ def sweep(
     counts = _sizes(sizes)
     if counts is None:
         raise ConfigError(f"--sizes: expected whole numbers, at most {MOST_SIZES} of them, as 9:30 or 6,9,12; given {sizes}")
-    earlier = [read_data(path, "points or measurements", read_previous, problem.model) for path in previous or []]
+    data = DataFiles(config, column, previous)
+    earlier = [read_data(path, "points or measurements", data.previous, problem.model) for path in previous or []]
     planned = settings_of(problem, settings | {"n_experiments": counts[-1]})
 
     def plan() -> list[Row]:

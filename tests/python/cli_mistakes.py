@@ -350,7 +350,7 @@ MISTAKES: dict[str, Mistake] = {
     ),
     "comment in between": points(HEADER + ROW + "# again, late\n" + ROW, "row 2: expected 7 entries, given 2", "no comments here"),
     "decimal commas": points(HEADER + ROW.replace("0.15", "0,15"), "row 1: expected 7 entries, given 8; use semicolons"),
-    "bytes": points(b"\x89PNG\r\n\x1a\n\xff", "expected a CSV text file in UTF-8, given bytes that are not text"),
+    "bytes": points(b"\x89PNG\r\n\x1a\n\xff", "expected a table as text, given bytes that are not text: read it by a library"),
     "runs for points": Mistake("evaluate enzyme.toml runs.csv", ("runs.csv: expected the columns", "given run, segment, A")),
     "runs out of order": Mistake(
         "evaluate reactor.toml wrong.csv",
@@ -393,6 +393,24 @@ MISTAKES: dict[str, Mistake] = {
     "previous of another model": Mistake(
         "design enzyme.toml -o out --previous cylinder.csv", ("cylinder.csv: expected the columns s; given q, v",)
     ),
+    "a logger's names": data("Zeit,Rate\n1,2\n", "the unknown Zeit, Rate", "columns={...}, or [data] of a TOML file, names other"),
+    "a column that is not there": Mistake(
+        "estimate enzyme.toml data.csv -o out --column s=Conc --column y_rate=Rate",
+        ("data.csv: expected the columns Conc, Rate, given s, y_rate",),
+    ),
+    "a column of nothing": Mistake(
+        "estimate enzyme.toml data.csv -o out --column rat=y_rate",
+        ("unknown key --column.rat; expected one of t, s, dt, rate", 'did you mean "rate"?'),
+    ),
+    "half a column": Mistake("estimate enzyme.toml data.csv -o out --column s=", ("--column: expected NAME=COLUMN, given s=",)),
+    "columns of no data": Mistake(
+        "design enzyme.toml -o out --column s=Conc", ("--column: expected beside a file with data, given without",)
+    ),
+    "columns for runs": Mistake(
+        "design reactor.toml -o out --column s=Conc", ("--column: expected a file with points to design; reactor.toml has",)
+    ),
+    "an unknown name in data": enzyme("[prior]", "[data]\nspeed = 'Rate'\n[prior]", "unknown key data.speed; expected one of t, s"),
+    "data that is no name": enzyme("[prior]", "[data]\nrate = 3\n[prior]", "data.rate: expected text in quotes, given 3"),
     # --- Where to write ----------------------------------------------------------------------------------------------
     "campaign where there is a design": Mistake(
         "campaign enzyme.toml -o taken",

@@ -105,12 +105,19 @@ def point_cases() -> dict[str, Case]:
         "Measurements": case(fp.Measurements, points=of_points, y=([0.1, 0.2, 0.3], ARRAY)),
         "data[]": case(lambda index: data()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
         "Measurements.join": case(fp.Measurements.join, parts=([data(), data()],)),
-        "Measurements.from_csv": case(fp.Measurements.from_csv, path=(files() / "data.csv", TEXT, PATH), model=of_model),
+        "Measurements.from_table": case(
+            fp.Measurements.from_table,
+            table=(files() / "data.csv", TEXT, PATH),
+            model=of_model,
+            columns=({"h": "h", "u": "u", "dt": "dt", "y": "y_y"}, NONE, MAP),
+        ),
         "Measurements.to_csv": case(lambda model: data().to_csv(files() / "out.csv", model), model=of_model),
         "Measurements of runs": case(fp.Measurements, points=(runs(), POINTS), y=([[0.1, 0.2, 0.3]] * 3, ARRAY)),
         "run_data[]": case(lambda index: run_data()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
         "Measurements.join, runs": case(fp.Measurements.join, parts=([run_data(), run_data()],)),
-        "Measurements.from_csv, runs": case(fp.Measurements.from_csv, path=(files() / "run_data.csv", TEXT, PATH), model=of_model),
+        "Measurements.from_table, runs": case(
+            fp.Measurements.from_table, table=(files() / "run_data.csv", TEXT, PATH), model=of_model
+        ),
         "Record": case(
             fp.Record,
             t=([0.0, 1.0, 2.0], ARRAY),
@@ -121,8 +128,27 @@ def point_cases() -> dict[str, Case]:
         ),
         "record[]": case(lambda index: record()[index], index=(slice(0, 2), SLICE)),
         "Record.check": case(record().check, model=of_model),
-        "Record.from_csv": case(
-            fp.Record.from_csv, path=(files() / "record.csv", TEXT, PATH), model=of_model, x0=({"h": 1.0}, MAP, NONE)
+        "Record.from_table": case(
+            fp.Record.from_table,
+            table=(files() / "record.csv", TEXT, PATH),
+            model=of_model,
+            columns=({"t": "t", "u": "u", "y": "y_y", "x0_h": "x0_h"}, NONE, MAP),
+            x0=({"h": 1.0}, MAP, NONE),
+        ),
+        "Record.from_table, columns": case(
+            lambda t: fp.Record.from_table({"t": t, "u": [0.5, 0.1, 0.2], "y": [1.0, 0.9, 0.8]}, model()),
+            t=([0.0, 0.5, 1.0], ARRAY),
+        ),
+        "Record.merged": case(
+            fp.Record.merged,
+            channels=({"u": ([0.0, 1.0], [0.1, 0.2]), "y": ([0.5, 1.0], [0.9, 0.8])}, MAP),
+            model=of_model,
+            x0=({"h": 1.0}, MAP, NONE),
+        ),
+        "channel of Record.merged": case(
+            lambda t, y: fp.Record.merged({"u": ([0.0, 1.0], [0.1, 0.2]), "y": (t, y)}, model()),
+            t=([0.5, 1.0, 2.0], ARRAY),
+            y=([0.9, 0.8, 0.7], ARRAY),
         ),
         "ExperimentRegion": case(fp.ExperimentRegion, bounds=(BOUNDS, MAP), constraints=(["h < 1.5"], ARRAY, NAMES, FUNCTION)),
         "bounds of h": case(lambda pair: fp.ExperimentRegion(BOUNDS | {"h": pair}), pair=((0.5, 2.0), ARRAY)),

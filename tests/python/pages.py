@@ -15,6 +15,8 @@ example there::
     -->
 
     <!-- not run: why -->
+
+A setup for which a package has to be installed, ``<!-- setup, needs h5py``, and the Python directly after it are a recipe.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LANGUAGES = ("python", "sh", "toml", "csv", "text")
 
 _BLOCK = re.compile(
-    r"^<!-- setup\n(?P<setup>.*?)^-->$"
+    r"^<!-- setup(?:, needs (?P<needs>\w+))?\n(?P<setup>.*?)^-->$"
     r"|^<!-- not run: (?P<reason>.*?) -->\n+```.*?^```$"
     r"|^```(?P<language>\S*)[^\n]*\n(?P<code>.*?)^```$",
     re.DOTALL | re.MULTILINE,
@@ -37,13 +39,14 @@ _BLOCK = re.compile(
 
 
 class Block(NamedTuple):
-    """A block, or a setup as a block of Python: the number of the line before its first one, and whether only blank lines part it
-    from the block before."""
+    """A block, or a setup as a block of Python: the number of the line before its first one, whether only blank lines part it from
+    the block before, and the package that it needs where it belongs to a recipe."""
 
     language: str
     code: str
     line: int
     follows: bool
+    needs: str | None = None
 
 
 def pages() -> list[Path]:
@@ -54,12 +57,14 @@ def pages() -> list[Path]:
 
 def blocks(path: Path) -> Iterator[Block]:
     """The blocks of a page that are to be run or loaded, in order."""
-    text, end = path.read_text(), 0
+    text, end, needs = path.read_text(), 0, None
     for match in _BLOCK.finditer(text):
         if match["reason"] is not None:
             continue
         kind, group = ("python", "setup") if match["setup"] is not None else (match["language"], "code")
-        yield Block(kind, match[group], text.count("\n", 0, match.start(group)), not text[end : match.start()].strip())
+        follows = not text[end : match.start()].strip()
+        needs = match["needs"] or (needs if follows and match["setup"] is None else None)
+        yield Block(kind, match[group], text.count("\n", 0, match.start(group)), follows, needs)
         end = match.end()
 
 

@@ -247,7 +247,7 @@ def test_the_directory_has_tables_for_people(saved: Path, problem: fp.DesignProb
     assert names == ["batch_1.csv", "batch_2.csv", "batch_3.csv", "campaign.json", "data_1.csv", "data_2.csv"]
     campaign = fp.Campaign.load(saved)
     assert fp.Experiments.from_csv(saved / "batch_3.csv", problem.model) == campaign.planned
-    assert fp.Measurements.from_csv(saved / "data_2.csv", problem.model) == campaign.history[1].data
+    assert fp.Measurements.from_table(saved / "data_2.csv", problem.model) == campaign.history[1].data
     assert repr(campaign) == "Campaign(hydraulic_cylinder, 2 batches measured, a batch to measure)"
 
 

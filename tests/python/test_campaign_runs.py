@@ -297,7 +297,7 @@ def test_the_directory_has_tables_for_people(tmp_path: Path) -> None:
     campaign = run(fp.Campaign(level(), 2, directory=tmp_path, **QUICK), 1)
     campaign.next()
     assert fp.Runs.from_csv(tmp_path / "batch_2.csv", MODEL) == campaign.planned
-    assert fp.Measurements.from_csv(tmp_path / "data_1.csv", MODEL) == campaign.history[0].data
+    assert fp.Measurements.from_table(tmp_path / "data_1.csv", MODEL) == campaign.history[0].data
     plan = (tmp_path / "plan_2.csv").read_text().splitlines()
     assert plan[0] == "run,t [s],u [V],measure" and len(plan) == 1 + 2 * (3 + 1)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}

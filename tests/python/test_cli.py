@@ -244,7 +244,7 @@ def test_simulate(run: Any, file: Path, tmp_path: Path) -> None:
     assert list(table.columns)[7:] == ["y_q", "y_p_A", "y_p_B", "y_x_v", "status"]
     assert list(table.status) == ["ok", "met_jump"]
     assert table.y_q[0] > 0.15
-    data = fp.Measurements.from_csv(tmp_path / "outputs.csv", fp.HydraulicCylinder())
+    data = fp.Measurements.from_table(tmp_path / "outputs.csv", fp.HydraulicCylinder())
     assert data.y[0].tolist() == pytest.approx(table.iloc[0, 7:11].tolist(), rel=1e-15) and np.isnan(data.y[1]).all()
 
 

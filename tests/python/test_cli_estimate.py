@@ -44,7 +44,7 @@ def test_it_writes_the_fit_and_prints_the_report(tmp_path: Path, measured: Path,
     assert "maximum a posteriori, noise given" in printed
     assert (out / "report.txt").read_text(encoding="utf-8").strip() in printed
     config = load_config(DECAY)
-    data = fp.Measurements.from_csv(measured, config.build_model())
+    data = fp.Measurements.from_table(measured, config.build_model())
     expected = fp.estimate(config.build_model(), data, config.build_prior(), noise_std={"c": 0.2})
     told = json.loads((out / "fit.json").read_text())
     assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
@@ -57,7 +57,7 @@ def test_runs_are_read_by_their_columns(tmp_path: Path, measured: Path) -> None:
     runs = fp.Runs(np.ones((2, 1)), np.zeros((2, 4, 0)), 500.0, [True, False, True, True])
     rig.measure(runs).to_csv(tmp_path / "runs.csv", model)
     assert run(DECAY, measured, tmp_path / "runs.csv", "-o", out) == 0
-    data = [fp.Measurements.from_csv(path, model) for path in (measured, tmp_path / "runs.csv")]
+    data = [fp.Measurements.from_table(path, model) for path in (measured, tmp_path / "runs.csv")]
     expected = fp.estimate(model, data, config.build_prior(), noise_std={"c": 0.2})
     told = json.loads((out / "fit.json").read_text())
     assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
@@ -190,3 +190,45 @@ def test_points_of_a_state_called_t_are_points(tmp_path: Path) -> None:
     assert run(tmp_path / "infusion.toml", tmp_path / "points.csv", "-o", tmp_path / "fit", "--no-prior") == 0
     told = json.loads((tmp_path / "fit" / "fit.json").read_text())["parameters"]
     assert told["k"]["estimate"] == pytest.approx(0.3, rel=1e-4)
+
+
+# --- Tables of loggers --------------------------------------------------------------------------------------------------
+
+
+def as_logged(own: Path, path: Path, names: dict[str, str]) -> Path:
+    """A file with other names, a further column, and rows above, as a German spreadsheet saves it."""
+    heads, *rows = own.read_text().splitlines()
+    lines = ["Logger 7;", ";;", ";".join([*(names[name] for name in heads.split(",")), "Temp °C"])]
+    lines += [f"{row.replace(',', ';').replace('.', ',')};21,5" for row in rows]
+    path.write_bytes("\r\n".join([*lines, ""]).encode("utf-16"))
+    return path
+
+
+def estimates(directory: Path) -> object:
+    return json.loads((directory / "fit.json").read_text())["parameters"]
+
+
+@pytest.mark.filterwarnings("always:.*left out")
+def test_a_loggers_file_gives_the_same_fit(tmp_path: Path, measured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = {"share": "Anfang", "dt": "Dauer", "y_c": "Konzentration"}
+    log = as_logged(measured, tmp_path / "log.csv", names)
+    assert run(DECAY, measured, "-o", tmp_path / "own", "--no-plots", "--quiet") == 0
+    file = tmp_path / "decay.toml"
+    file.write_text(DECAY.read_text() + '\n[data]\nshare = "Anfang"\ndt = "Dauer"\ny_c = "Conc"\n')
+    capsys.readouterr()
+    assert run(file, log, "-o", tmp_path / "fit", "--no-plots", "--quiet", "--column", "y_c=Konzentration") == 0
+    assert capsys.readouterr().err == f"fisherpoint: warning: {log}: left out what is not named: Temp °C\n"
+    assert estimates(tmp_path / "fit") == estimates(tmp_path / "own")
+    assert run(file, log, "-o", tmp_path / "no", "--no-plots") == 2
+    assert f"{log}: expected the columns Conc, given Anfang, Dauer, Konzentration, Temp °C" in capsys.readouterr().err
+
+
+def test_times_of_day_make_a_record(tmp_path: Path) -> None:
+    model, t = load_config(DECAY).build_model(), 60.0 * np.arange(40)
+    y = fp.simulate_record(model, t, np.zeros((40, 0)), dict(model.nominal), {"share": 1.0}).y[:, 0]
+    fp.Record(t, np.zeros((40, 0)), y, x0={"share": 1.0}).to_csv(tmp_path / "own.csv", model)
+    rows = [f"{23 + n // 60:02}:{n % 60:02}:00,{value!r},{1.0 if n == 0 else ''}" for n, value in enumerate(y.tolist())]
+    (tmp_path / "log.csv").write_text("\n".join(["time,conc,start", *rows, ""]))
+    for name, options in (("own", []), ("log", ["--column=t=time", "--column=y_c=conc", "--column=x0_share=start"])):
+        assert run(DECAY, tmp_path / f"{name}.csv", "-o", tmp_path / name, "--no-plots", "--quiet", *options) == 0
+    assert estimates(tmp_path / "log") == estimates(tmp_path / "own")

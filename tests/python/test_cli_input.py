@@ -113,6 +113,21 @@ def test_check_of_a_campaign_that_has_begun(run: Any, place: Path) -> None:
     assert (place / "run" / "campaign.json").read_bytes() == before
 
 
+def test_data_of_a_logger_are_read_by_the_names_of_their_columns(run: Any, place: Path) -> None:
+    (place / "log.csv").write_text("Conc;Rate\nppm;\n1,1;200\n0,1;130\n0,5;190\n")
+    (place / "named.toml").write_text((place / "enzyme.toml").read_text() + '\n[data]\ns = "Conc"\ny_rate = "Rate"\n')
+    named = ("--column", "s=Conc", "--column", "y_rate=Rate")
+    for file, columns in (("named.toml", ()), ("enzyme.toml", named)):
+        for command in (["estimate", file, "log.csv"], ["campaign", file, "--data", "log.csv"]):
+            code, out, err = run(*command, *columns, "--check")
+            assert (code, err) == (0, "") and "Measurements(3 points, 1 outputs, 3 of 3 numbers)" in out
+        for command in (["design", file], ["sweep", file, "-L", "2:3"]):
+            code, _, err = run(*command, "--previous", "log.csv", "--previous", "points.csv", *columns, "--check")
+            assert (code, err) == (0, "")
+    code, _, err = run("design", "enzyme.toml", "--previous", "log.csv", "--check")
+    assert code == 2 and "log.csv: expected the columns s; given Conc, Rate" in err
+
+
 # --- Standard input -------------------------------------------------------------------------------------------------------
 
 
@@ -146,7 +161,7 @@ def test_virtual_data_are_what_estimate_reads(run: Any, place: Path) -> None:
     code, out, err = run("simulate", "enzyme.toml", "points.csv", "--noise", "--seed", "4", "-o", "measured.csv")
     assert (code, err) == (0, "") and out == "2 points measured virtually at the prior mean, seed 4\n"
     problem = fp.load_problem(place / "enzyme.toml")
-    found = fp.Measurements.from_csv(place / "measured.csv", problem.model)
+    found = fp.Measurements.from_table(place / "measured.csv", problem.model)
     points = fp.Experiments.from_csv(place / "points.csv", problem.model)
     rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise_std or {}, seed=4)
     assert found == rig.measure(points)
@@ -161,12 +176,12 @@ def test_virtual_data_are_what_estimate_reads(run: Any, place: Path) -> None:
 def test_virtual_data_of_runs_and_of_starts_that_are_off(run: Any, place: Path) -> None:
     assert run("simulate", "reactor.toml", "runs.csv", "--noise", "-o", "measured.csv", "--quiet") == (0, "", "")
     model = load_config(place / "reactor.toml").build_model()
-    assert isinstance(fp.Measurements.from_csv(place / "measured.csv", model).points, fp.Runs)
+    assert isinstance(fp.Measurements.from_table(place / "measured.csv", model).points, fp.Runs)
 
     (place / "off.toml").write_text(DECAY.replace("[region]", "[initial_state_std]\nshare = 0.1\n\n[region]"))
     (place / "decay.csv").write_text("share,dt\n" + "1,0.001\n" * 200)
     assert run("simulate", "off.toml", "decay.csv", "--noise", "-o", "off.csv", "--quiet")[0] == 0
-    y = fp.Measurements.from_csv(place / "off.csv", load_config(place / "off.toml").build_model()).y
+    y = fp.Measurements.from_table(place / "off.csv", load_config(place / "off.toml").build_model()).y
     assert np.std(y) == pytest.approx(np.hypot(20 * 0.1, 0.2), rel=0.2)
 
 

@@ -106,7 +106,7 @@ def test_they_come_back_from_a_file_to_the_last_bit(tmp_path: Path) -> None:
     data = fp.Measurements(points, np.where(done.status[:, None] == 0, done.y, np.nan))
     assert 50 < np.isnan(data.y[:, 0]).sum() < 250
     data.to_csv(tmp_path / "data.csv", MODEL)
-    back = fp.Measurements.from_csv(tmp_path / "data.csv", MODEL)
+    back = fp.Measurements.from_table(tmp_path / "data.csv", MODEL)
     assert same_bits(back.points.table, points.table) and np.array_equal(back.y, data.y, equal_nan=True)
     assert back.points.columns == ("q", "v", "p_A", "p_B", "x_v", "u")
     assert (tmp_path / "data.csv").read_text().startswith("q,v,p_A,p_B,x_v,u,dt,y_q,y_p_A,y_p_B,y_x_v\n")
@@ -144,7 +144,7 @@ def measurements(draw: st.DrawFn) -> fp.Measurements:
 def test_any_numbers_come_back_to_the_last_bit(tmp_path_factory: pytest.TempPathFactory, data: fp.Measurements) -> None:
     path = tmp_path_factory.getbasetemp() / "any.csv"
     data.to_csv(path, PLAIN)
-    back = fp.Measurements.from_csv(path, PLAIN)
+    back = fp.Measurements.from_table(path, PLAIN)
     assert same_bits(back.points.table, data.points.table)
     measured = ~np.isnan(data.y)
     assert np.array_equal(np.isnan(back.y), ~measured) and same_bits(back.y[measured], data.y[measured])
@@ -155,7 +155,7 @@ def test_points_without_state_need_no_duration(tmp_path: Path) -> None:
     data = fp.Measurements(fp.Experiments(np.empty((3, 0)), [1.0, 2.0, 1.0]), [1.0, 2.1, 1.1])
     data.to_csv(tmp_path / "data.csv", line)
     assert (tmp_path / "data.csv").read_text() == "w,y_z\n1.0,1.0\n2.0,2.1\n1.0,1.1\n"
-    assert fp.Measurements.from_csv(tmp_path / "data.csv", line) == data
+    assert fp.Measurements.from_table(tmp_path / "data.csv", line) == data
 
 
 def test_a_file_is_of_the_model(tmp_path: Path) -> None:
@@ -184,7 +184,7 @@ def test_a_link_stays_and_a_missing_directory_is_named(tmp_path: Path) -> None:
     data.to_csv(tmp_path / "data.csv", MODEL)
     (tmp_path / "link.csv").symlink_to("data.csv")
     data[[0, 3]].to_csv(tmp_path / "link.csv", MODEL)
-    assert (tmp_path / "link.csv").is_symlink() and len(fp.Measurements.from_csv(tmp_path / "data.csv", MODEL)) == 2
+    assert (tmp_path / "link.csv").is_symlink() and len(fp.Measurements.from_table(tmp_path / "data.csv", MODEL)) == 2
     with pytest.raises(FileNotFoundError, match=r"nowhere.data\.csv'$"):
         data.to_csv(tmp_path / "nowhere" / "data.csv", MODEL)
 
@@ -204,7 +204,7 @@ WRITER = """
 import sys
 import fisherpoint as fp
 model = fp.HydraulicCylinder()
-data = fp.Measurements.from_csv(sys.argv[1], model)
+data = fp.Measurements.from_table(sys.argv[1], model)
 while True:
     for part in (data, data[:100]):
         part.to_csv(sys.argv[2], model)
@@ -220,8 +220,8 @@ def test_who_reads_while_it_is_written_or_after_a_kill_finds_a_whole_file(tmp_pa
         deadline = time.monotonic() + 60
         while not written.exists() and time.monotonic() < deadline:
             time.sleep(0.01)
-        seen = {len(fp.Measurements.from_csv(written, MODEL)) for _ in range(30)}
+        seen = {len(fp.Measurements.from_table(written, MODEL)) for _ in range(30)}
     finally:
         writer.kill()
         writer.wait()
-    assert seen | {len(fp.Measurements.from_csv(written, MODEL))} <= {100, 3000}
+    assert seen | {len(fp.Measurements.from_table(written, MODEL))} <= {100, 3000}

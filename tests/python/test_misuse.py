@@ -135,7 +135,7 @@ FILES: dict[str, str] = {
 }
 
 
-@pytest.mark.parametrize("read", [fp.Experiments.from_csv, fp.Measurements.from_csv, fp.Record.from_csv])
+@pytest.mark.parametrize("read", [fp.Experiments.from_csv, fp.Measurements.from_table, fp.Record.from_table])
 @pytest.mark.parametrize("text", FILES.values(), ids=FILES)
 def test_a_hostile_table_is_refused_in_a_short_printable_line(read: Any, text: str, tmp_path: Path) -> None:
     path = tmp_path / f"{ESCAPE}.csv"

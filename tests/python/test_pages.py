@@ -8,9 +8,11 @@ import shutil
 import subprocess
 import sys
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import fisherpoint as fp
@@ -48,7 +50,7 @@ def beside_examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_blocks_of_a_page_run(path: Path, beside_examples: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {"__name__": "page", "example": example}
     before = ""
-    for block in blocks(path):
+    for block in (block for block in blocks(path) if block.needs is None):
         printed = capsys.readouterr().out if before == "python" else ""
         if block.language == "text" and block.follows and before == "python":
             assert lines(block.code) == lines(printed)
@@ -63,6 +65,24 @@ def test_the_blocks_of_a_page_run(path: Path, beside_examples: Path, capsys: pyt
                     assert ended.value.code == 0, (arguments, capsys.readouterr().err)
             case "toml":
                 load(block.code, beside_examples)
+
+
+RECIPES = [block.needs for block in blocks(DOCS / "how_to" / "tables.md") if block.needs] if DOCS.exists() else []
+
+
+@pytest.mark.parametrize("package", sorted(set(RECIPES)))
+def test_a_recipe_reads_what_its_library_writes(package: str, beside_examples: Path) -> None:
+    pytest.importorskip(package, reason=f"{package} is not installed")
+    path = DOCS / "how_to" / "tables.md"
+    names: dict[str, Any] = {"__name__": "page", "example": example}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # those of the libraries
+        for block in (block for block in blocks(path) if block.language == "python" and block.needs in (None, package)):
+            exec(compile("\n" * block.line + block.code, name_of(path), "exec"), names)
+    record, expected = names["record"], names["expected"]
+    np.testing.assert_allclose(record.t - record.t[0], expected.t - expected.t[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(record.u, expected.u, rtol=1e-14)
+    np.testing.assert_allclose(record.y, expected.y, rtol=1e-14)
 
 
 def example(name: str) -> fp.DesignProblem:

@@ -83,10 +83,10 @@ def test_a_record_comes_back_from_its_file(tmp_path: Path) -> None:
     path, r = tmp_path / "record.csv", record(t=[0.1, 0.2, 0.7])
     r.to_csv(path, tanks)
     assert path.read_text().splitlines()[0] == "t,u,y_level,x0_h1"
-    back = fp.Record.from_csv(path, tanks)
+    back = fp.Record.from_table(path, tanks)
     assert np.array_equal(back.t, r.t) and np.array_equal(back.u, r.u) and np.array_equal(back.y, r.y, equal_nan=True)
     assert back.x0 == r.x0 == {"h1": 0.4}
-    assert fp.Record.from_csv(path, tanks, x0={"h1": 0.5, "h2": 0.1}).x0 == {"h1": 0.5, "h2": 0.1}
+    assert fp.Record.from_table(path, tanks, x0={"h1": 0.5, "h2": 0.1}).x0 == {"h1": 0.5, "h2": 0.1}
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_a_record_comes_back_from_its_file(tmp_path: Path) -> None:
 def test_starts_that_a_file_knows(tmp_path: Path, text: str, x0: dict[str, float]) -> None:
     path = tmp_path / "record.csv"
     path.write_text(text)
-    assert fp.Record.from_csv(path, tanks).x0 == pytest.approx(x0)
+    assert fp.Record.from_table(path, tanks).x0 == pytest.approx(x0)
 
 
 CALLED_T = fp.SymbolicModel(["-k*t"], ["t"], {"t": "1"}, {}, {"k": "1/s"}, {"t": "1"})
@@ -118,16 +118,16 @@ def test_states_and_inputs_may_be_called_as_the_time(tmp_path: Path, model: fp.M
     r = fp.Record([0.0, 1.0, 3.0], np.ones((3, len(model.inputs))), [0.5, 0.4, 0.1], x0={model.states[0].name: 0.6})
     r.to_csv(path, model)
     assert path.read_text().splitlines()[0] == header
-    back = fp.Record.from_csv(path, model)
+    back = fp.Record.from_table(path, model)
     assert np.array_equal(back.t, r.t) and np.array_equal(back.u, r.u) and np.array_equal(back.y, r.y) and back.x0 == r.x0
 
 
 def test_outputs_may_be_called_plainly_or_be_missing(tmp_path: Path) -> None:
     path = tmp_path / "record.csv"
     path.write_text("level,t,u\n1,0,5\n,2,6\n\n3,3,7\n")
-    assert np.array_equal(fp.Record.from_csv(path, tanks).y[:, 0], [1, np.nan, 3], equal_nan=True)
+    assert np.array_equal(fp.Record.from_table(path, tanks).y[:, 0], [1, np.nan, 3], equal_nan=True)
     path.write_text("t,u,y_omega\n0,1,2\n1,1,3\n")  # omega is a state too, and the current was not measured
-    y = fp.Record.from_csv(path, motor).y
+    y = fp.Record.from_table(path, motor).y
     assert np.array_equal(y[:, 1], [2, 3]) and np.isnan(y[:, 0]).all()
 
 
@@ -160,7 +160,7 @@ def test_a_file_says_what_is_wrong_with_it(tmp_path: Path, text: str, message: s
     path = tmp_path / "record.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
-        fp.Record.from_csv(path, tanks)
+        fp.Record.from_table(path, tanks)
 
 
 # --- trajectories -----------------------------------------------------------------------------------------------------------

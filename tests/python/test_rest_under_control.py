@@ -149,7 +149,7 @@ def test_files_keep_what_a_controller_holds(tmp_path: Path) -> None:
     assert decoded(encoded(runs), fp.Runs) == runs and pickle.loads(pickle.dumps(runs)) == runs
     data = fp.Measurements(read, np.tile(np.linspace(0.2, 0.3, 3)[:, None], (3, 1, 3)))
     data.to_csv(tmp_path / "data.csv", LIFT)
-    assert fp.Measurements.from_csv(tmp_path / "data.csv", LIFT) == data
+    assert fp.Measurements.from_table(tmp_path / "data.csv", LIFT) == data
 
 
 @pytest.mark.parametrize(

@@ -58,11 +58,11 @@ def test_files_of_runs_from_rests_a_hundred_apart_are_read(tmp_path: Path) -> No
     data = fp.VirtualRig(MODEL, {"k": 1.3}, {"y": 1e-6}).measure(many)
     assert np.abs(data.y[1] / data.y[0] / 100 - 1).max() < 0.01
     data.to_csv(tmp_path / "data.csv", MODEL)
-    assert fp.Measurements.from_csv(tmp_path / "data.csv", MODEL) == data
+    assert fp.Measurements.from_table(tmp_path / "data.csv", MODEL) == data
     wrong = fp.Measurements(runs(LOW, 4), np.tile([[1.0], [1.01], [100.0], [1.02]], (1, 3)))
     wrong.to_csv(tmp_path / "wrong.csv", MODEL)
     with pytest.raises(ValueError, match="a factor of 100"):
-        fp.Measurements.from_csv(tmp_path / "wrong.csv", MODEL)
+        fp.Measurements.from_table(tmp_path / "wrong.csv", MODEL)
 
 
 def test_replicates_of_which_other_segments_are_measured_are_compared(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_replicates_of_which_other_segments_are_measured_are_compared(tmp_path: 
     y = np.where(there, [[1.0], [1.01], [100.0], [1.02]] * np.ones(3), np.nan)
     fp.Measurements(runs(LOW, 4, measured=there), y).to_csv(tmp_path / "wrong.csv", MODEL)
     with pytest.raises(ValueError, match="a factor of 100"):
-        fp.Measurements.from_csv(tmp_path / "wrong.csv", MODEL)
+        fp.Measurements.from_table(tmp_path / "wrong.csv", MODEL)
 
 
 def test_minus_zero_is_zero(tmp_path: Path) -> None:

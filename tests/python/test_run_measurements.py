@@ -77,13 +77,13 @@ def test_what_has_no_number_is_left_out() -> None:
 
 def read(tmp_path: Path, text: str, model: fp.Model | None = None) -> fp.Measurements:
     (tmp_path / "data.csv").write_text(text)
-    return fp.Measurements.from_csv(tmp_path / "data.csv", model or tanks())
+    return fp.Measurements.from_table(tmp_path / "data.csv", model or tanks())
 
 
 def test_files_keep_every_digit(tmp_path: Path) -> None:
     data = fp.Measurements.join([with_gaps(rig(seed=3).measure(drawn())), rig(seed=4).measure(drawn(1, 3))])
     data.to_csv(tmp_path / "data.csv", tanks())
-    assert fp.Measurements.from_csv(tmp_path / "data.csv", tanks()) == data
+    assert fp.Measurements.from_table(tmp_path / "data.csv", tanks()) == data
     assert (tmp_path / "data.csv").read_text().startswith(HEADER.replace("\n", "\r\n")[:-2])
 
 

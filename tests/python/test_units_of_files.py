@@ -81,7 +81,7 @@ def test_a_table_of_points_in_other_units_is_the_same(tmp_path: Path) -> None:
     model = problem(tmp_path, IN_SI).model
     path = tmp_path / "points.csv"
     path.write_text("T [degC],P [kW],dt [min],y_T [°C]\n20,0.1,10,35.5\n")
-    data = fp.Measurements.from_csv(path, model)
+    data = fp.Measurements.from_table(path, model)
     assert data.points.table == pytest.approx(np.array([[293.15, 100.0, 600.0]]))
     assert data.y == pytest.approx(np.array([[308.65]]))
 

@@ -18,17 +18,27 @@ column             entry
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from pathlib import Path
 
 import numpy as np
 
-from ..basics.csv_table import CsvTable, csv_text
+from ..basics.csv_file import csv_text
 from ..basics.messages import listed
 from ..basics.quantity import DURATION, names_of
+from ..basics.table import DataTable
 from ..basics.values import Array
 from ..models import Model
 from ..points.experiments import BOOKKEEPING, Experiments, columns_of
-from ..points.run_files import MEASURED, RUN, SEGMENT, rest_columns_of, rest_of_table, runs_csv, runs_of_table
+from ..points.run_files import (
+    MEASURED,
+    RUN,
+    SEGMENT,
+    rest_columns,
+    rest_columns_of,
+    rest_of_table,
+    runs_csv,
+    runs_of_table,
+    time_name,
+)
 from ..points.runs import Points, Runs, as_runs
 from ..points.status import Status
 from .plausibility import refuse_implausible
@@ -51,14 +61,21 @@ def measurements_csv(points: Points, y: Array, model: Model) -> str:
     return csv_text(header, np.column_stack([runs.starts.table[:, : len(axes)], y]).tolist())
 
 
-def read_measurements(path: str | Path, model: Model) -> tuple[Points, Array]:
-    """Read and check points, or runs, and outputs of a file of measurements of `model`; see `Measurements.from_csv`."""
-    table = CsvTable(path)
+def read_measurements(table: DataTable, model: Model) -> tuple[Points, Array]:
+    """Read and check points, or runs, and outputs of a table of measurements of `model`; see `Measurements.from_table`."""
     table.warn_of_cut_off()
     return _runs(table, model) if {RUN.name, SEGMENT.name} <= set(table.names) - set(_axes(model)) else _points(table, model)
 
 
-def _points(table: CsvTable, model: Model) -> tuple[Experiments, Array]:
+def column_names(model: Model) -> tuple[str, ...]:
+    """Names of the columns that tables of records and measurements may have."""
+    states, inputs, outputs = (names_of(some) for some in (model.states, model.inputs, model.outputs))
+    of_runs = (RUN.name, SEGMENT.name, MEASURED.name, *rest_columns(inputs, outputs))
+    starts, measured = (f"x0_{name}" for name in states), (f"y_{name}" for name in outputs)
+    return tuple(dict.fromkeys((time_name(inputs), *_axes(model), *starts, *outputs, *measured, *of_runs, "status")))
+
+
+def _points(table: DataTable, model: Model) -> tuple[Experiments, Array]:
     outputs = _match(table, model)
     starts = {state.name: name for state in model.states if (name := f"x0_{state.name}") in table and name not in _axes(model)}
     table.read_decimal_commas(name for name in table.names if name in {*_axes(model), *starts.values(), *outputs.values()})
@@ -80,7 +97,7 @@ def _points(table: CsvTable, model: Model) -> tuple[Experiments, Array]:
     return points, y
 
 
-def _runs(table: CsvTable, model: Model) -> tuple[Runs, Array]:
+def _runs(table: DataTable, model: Model) -> tuple[Runs, Array]:
     further = rest_columns_of(table, model)
     outputs = _columns_of_outputs(table, model, {*_axes(model), RUN.name, SEGMENT.name, MEASURED.name, *further})
     x0, u, dt, measured = runs_of_table(table, model, (*outputs.values(), *further), BOOKKEEPING)
@@ -105,7 +122,7 @@ def _runs(table: CsvTable, model: Model) -> tuple[Runs, Array]:
     return runs, y
 
 
-def _numbers(table: CsvTable, model: Model, outputs: Mapping[str, str], failed: list[int]) -> Array:
+def _numbers(table: DataTable, model: Model, outputs: Mapping[str, str], failed: list[int]) -> Array:
     """Outputs of the rows, (rows, n_y), NaN where not measured."""
     y = np.full((len(table), len(model.outputs)), np.nan)
     for j, quantity in enumerate(model.outputs):
@@ -122,7 +139,7 @@ def _axes(model: Model) -> tuple[str, ...]:
     return (*names_of(model.states), *names_of(model.inputs), "dt")
 
 
-def _match(table: CsvTable, model: Model) -> dict[str, str]:
+def _match(table: DataTable, model: Model) -> dict[str, str]:
     """Return the column of each output that has one, after a check of all columns."""
     axes = _axes(model)
     outputs = _columns_of_outputs(table, model, axes)
@@ -139,12 +156,12 @@ def _match(table: CsvTable, model: Model) -> dict[str, str]:
         another = f": the file of another model than {model.name}" if unknown and (missing or not outputs) else ""
         raise ValueError(
             f"{table.path}: expected the columns {listed(names_of(model.axes))}, and of {of_outputs} those that were measured; "
-            f"given {'; '.join(wrong)}{another}"
+            f"given {'; '.join(wrong)}{another}{table.naming_hint(unknown)}"
         )
     return outputs
 
 
-def _columns_of_outputs(table: CsvTable, model: Model, taken: Collection[str]) -> dict[str, str]:
+def _columns_of_outputs(table: DataTable, model: Model, taken: Collection[str]) -> dict[str, str]:
     """The column of each output that has one, which is none of those that are taken."""
     outputs: dict[str, str] = {}
     for output in names_of(model.outputs):
@@ -156,7 +173,7 @@ def _columns_of_outputs(table: CsvTable, model: Model, taken: Collection[str]) -
     return outputs
 
 
-def _failed(table: CsvTable) -> list[int]:
+def _failed(table: DataTable) -> list[int]:
     """Rows whose status says that they have no outputs."""
     if "status" not in table:
         return []

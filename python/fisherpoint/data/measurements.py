@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..basics.checks import as_index, as_parts, check_alike, check_type
 from ..basics.files import write_whole
+from ..basics.table import as_table
 from ..basics.values import Array
 from ..models import Model
 from ..points.runs import Points, Runs, as_flat, as_runs, joined
@@ -107,23 +108,37 @@ class Measurements(InNotebooks):
         write_whole(path, measurements_csv(self.points, self.y, model))
 
     @classmethod
-    def from_csv(cls, path: str | Path, model: Model) -> Measurements:
-        """Read measurements of `model`: the CSV of a design or of runs with a column ``y_<output>`` for each measured output.
+    def from_table(cls, table: Any, model: Model, *, columns: Mapping[str, str] | None = None) -> Measurements:
+        """Read measurements of `model` from a table: the columns of a design or of runs, and one for each measured output.
 
-        Outputs may be missing or empty; of points ``x0_<state>`` is a measured start; headers may have units, as ``p_A [bar]``.
-        Columns ``run`` and ``segment`` distinguish runs from points. See docs/how_to/measurements.md for the format, and for
-        what is refused.
+        Parameters
+        ----------
+        table : path, or object with named columns
+            A CSV file, such as `to_csv` or a rig writes; or a frame of pandas or polars, a dict of arrays, a dataset of xarray, a
+            group of an HDF5 file. Units in brackets in the head of a column, as in ``p_A [bar]``, in a row below the heads, or as
+            an attribute `units`, are converted. Entries that are empty, nan or NA were not measured.
+        model : Model
+        columns : mapping of name to column, optional
+            The names of the columns, as ``{"q": "Position", "u": "Valve [%]", "y_p_A": "Druck A"}``; a unit that stands here
+            alone counts. What is not named is left out, with a warning that lists it. Rows above the heads are skipped. Default:
+            the names are those that follow, and there are no others but those for one's own use.
+
+            States, inputs and ``dt`` are called by their names, an output ``y_<name>``, or its name alone where no state or input
+            has that. Outputs may be missing or empty; of points ``x0_<state>`` is a measured start. Columns ``run`` and ``segment``
+            distinguish runs from points. See docs/how_to/measurements.md for the format, and for what is refused.
 
         Raises
         ------
         OSError
             Where the file cannot be read.
+        TypeError
+            For what is neither a path nor has named columns.
         ValueError
-            Where it is no whole file of this model, or numbers are none, in wrong units or beyond physics; the message names row,
-            counted from 1 below the header, and column.
+            Where it is no whole table of this model, or numbers are none, in wrong units or beyond physics; the message names
+            row, 1 for the first, and column.
         """
         check_type(model, Model, "model")
-        return Measurements(*read_measurements(path, model))
+        return Measurements(*read_measurements(as_table(table, columns), model))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Measurements) and self.points == other.points and np.array_equal(self.y, other.y, equal_nan=True)

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.csv_table import CsvTable
 from ..basics.quantity import names_of
+from ..basics.table import DataTable
 from ..basics.values import Array
 from ..models import Model
 
@@ -32,7 +32,7 @@ CLOSE = 0.05
 
 
 def refuse_implausible(
-    table: CsvTable,
+    table: DataTable,
     model: Model,
     outputs: Mapping[str, str],
     replicates: Places,
@@ -63,7 +63,7 @@ def refuse_implausible(
             _refuse_sizes(table, column, y[:, j], quantity.scale)
 
 
-def _refuse_starts(table: CsvTable, model: Model, x0: Array, u: Array, rows: Places) -> None:
+def _refuse_starts(table: DataTable, model: Model, x0: Array, u: Array, rows: Places) -> None:
     if not model.domain or not set(names_of(model.parameters)) <= set(model.nominal):
         return
     theta = np.tile(model.theta(model.nominal), (len(x0), 1))
@@ -84,7 +84,7 @@ def _refuse_starts(table: CsvTable, model: Model, x0: Array, u: Array, rows: Pla
     raise table.error(int(rows[row]), ", ".join(columns), what)
 
 
-def _refuse_sizes(table: CsvTable, column: str, y: Array, scale: float | None) -> None:
+def _refuse_sizes(table: DataTable, column: str, y: Array, scale: float | None) -> None:
     """Raise where a number is far above its natural size, or, few as they are, far above all others of the column."""
     sizes = np.abs(y)
     if scale is not None:
@@ -98,7 +98,7 @@ def _refuse_sizes(table: CsvTable, column: str, y: Array, scale: float | None) -
             _refuse_above(table, column, y, float(upper[gaps[0]]), "the largest of the other rows")
 
 
-def _refuse_above(table: CsvTable, column: str, y: Array, size: float, what: str) -> None:
+def _refuse_above(table: DataTable, column: str, y: Array, size: float, what: str) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         rows = np.flatnonzero(np.abs(y) > TOO_LARGE * size)
     if len(rows):
@@ -115,7 +115,7 @@ def _grouped(replicates: Places) -> tuple[Places, Places]:
     return order, np.cumsum(np.concatenate([[0], (ordered[1:] != ordered[:-1]).any(axis=1)]))
 
 
-def _refuse_replicates(table: CsvTable, column: str, y: Array, order: Places, groups: Places) -> None:
+def _refuse_replicates(table: DataTable, column: str, y: Array, order: Places, groups: Places) -> None:
     """Raise where the largest and the smallest of a point's replicates are a change of unit apart.
 
     Noise around zero can have any ratio, so their difference must stand out: by its size among the column's numbers, and against

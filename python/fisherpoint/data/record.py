@@ -5,22 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_float, as_floats, as_index, as_rows, by_name, check_known, check_type
-from ..basics.csv_table import CsvTable, csv_text
+from ..basics.checks import as_float, as_index, by_name, check_known, check_type
+from ..basics.csv_file import csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
-from ..basics.quantity import Quantity, names_of
+from ..basics.quantity import names_of
+from ..basics.table import as_table
 from ..basics.values import Array
 from ..models import Model
 from ..points.run_files import time_name
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, first_rows, numbered
+from .held_inputs import checked_times, held_inputs
 from .measured_outputs import measured_outputs
+from .merging import merged_channels
+from .record_files import read_record
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,90 +128,84 @@ class Record(InNotebooks):
         write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y, x0]).tolist()))
 
     @classmethod
-    def from_csv(cls, path: str | Path, model: Model, *, x0: Mapping[str, float] | None = None) -> Record:
-        """Read a record of `model` from a file with the columns t, its inputs, its measured outputs, and its known starts.
+    def from_table(
+        cls, table: Any, model: Model, *, columns: Mapping[str, str] | None = None, x0: Mapping[str, float] | None = None
+    ) -> Record:
+        """Read a record of `model` from a table with the times, the inputs, the measured outputs, and the known starts.
 
         Parameters
         ----------
-        path : str or Path
-            The column of an output is called ``y_<name>``, or as the output where no state or input has that name. Outputs may
-            be left out, or single entries empty: these were not measured. Columns ``x0_<state>`` have known starts in the first
-            row; further rows are empty or repeat it, and an empty first row says that the start is not known. Units in the
-            header, as in ``u [mV]``, are converted. Where an input of the model is called t, the time is the column ``time``.
+        table : path, or object with named columns
+            A CSV file, such as `to_csv` or a logger writes; or a frame of pandas or polars, a dict of arrays, a dataset of xarray,
+            a group of an HDF5 file. Units in brackets in the head of a column, as in ``u [mV]``, in a row below the heads, or as
+            an attribute `units`, are converted. Entries that are empty, nan or NA were not measured. Times are in s, or dates and
+            times of day, which become seconds from the first.
         model : Model
+        columns : mapping of name to column, optional
+            The names of the columns, as ``{"t": "Time", "u": "Spannung [mV]", "level": "Pegel"}``; a unit that stands here alone
+            counts. What is not named is left out, with a warning that lists it. Rows above the heads are skipped. Default: the
+            names are those that follow, and there are no others.
+
+            The times are ``t``, or ``time`` where an input of the model is called t; an output is ``y_<name>``, or its name alone
+            where no state or input has that. Outputs may be left out: these were not measured. ``x0_<state>`` has a known start in
+            the first row; further rows are empty or repeat it, and an empty first row says that the start is not known.
         x0 : mapping of state name to float, optional
-            Start values that are known, SI units; they count instead of those of the file.
+            Start values that are known, SI units; they count instead of those of the table.
 
         Raises
         ------
         OSError
             Where the file cannot be read.
+        TypeError
+            For what is neither a path nor has named columns.
         ValueError
-            Where a column is missing or unknown, or an entry is no number; the message names row and column.
+            Where a column is missing or unknown, or an entry is no number; the message names row, 1 for the first, and column.
         """
         check_type(model, Model, "model")
-        table = CsvTable(path)
-        table.warn_of_cut_off()
-        time, columns, starts = _columns(table, model)
-        table.read_decimal_commas((time, *names_of(model.inputs), *columns.values(), *starts.values()))
-        t = table.complete(Quantity(time, "s"))
-        table.refuse(np.diff(t, prepend=-np.inf) <= 0, time, "a time after that of the row before")
-        u = np.column_stack([np.empty((len(table), 0)), *(table.complete(quantity) for quantity in model.inputs)])
-        y = np.full((len(table), len(model.outputs)), np.nan)
-        for i, quantity in enumerate(model.outputs):
-            if quantity.name in columns:
-                y[:, i] = table.numbers(columns[quantity.name], quantity.unit)
+        table = as_table(table, columns)
+        t, u, y, known = read_record(table, model)
         try:
-            record = cls(t, u, y, x0={**_starts(table, model, starts), **by_name({} if x0 is None else x0, None, "x0", as_float)})
+            record = cls(t, u, y, x0={**known, **by_name({} if x0 is None else x0, None, "x0", as_float)})
         except ValueError as error:
             raise ValueError(f"{table.path}: {error}") from error
         record.check(model)
         return record
 
+    @classmethod
+    def merged(
+        cls,
+        channels: Mapping[str, tuple[ArrayLike, ArrayLike]],
+        model: Model,
+        *,
+        x0: Mapping[str, float] | None = None,
+    ) -> Record:
+        """Return the record of channels that were sampled at different times.
 
-def checked_times(values: ArrayLike) -> Array:
-    """Times of samples, increasing."""
-    t = as_floats(values, "t")
-    if t.ndim != 1 or not len(t):
-        raise ValueError(f"t: expected shape (N,), at least one sample, given {t.shape}")
-    late = np.flatnonzero(np.diff(t) <= 0)
-    if len(late):
-        n = int(late[0]) + 1
-        raise ValueError(f"t: expected increasing times in s, given {t[n]:g} after {t[n - 1]:g} at sample {n}")
-    return t
+        A sample is where any channel has one. An input is held from each of its samples to its next one, and an output is
+        measured at its own samples alone. The record begins where all inputs are known.
 
+        Parameters
+        ----------
+        channels : mapping of name to (t, values)
+            All inputs and the measured outputs: times (n,), s, increasing, or dates as `datetime64` in all channels, and numbers
+            (n,) in the model's units. Samples that are NaN are none. An output may be called ``y_<name>``, and is where an input
+            has that name.
+        model : Model
+        x0 : mapping of state name to float, optional
+            Start values that are known, SI units.
 
-def held_inputs(values: ArrayLike, count: int) -> Array:
-    """Inputs (count, n_u)."""
-    return as_rows(as_floats(values, "u"), count, "u", "n_u")
+        Returns
+        -------
+        Record
+            Its times are those of the channels, of dates the seconds since the first of all.
 
-
-def _columns(table: CsvTable, model: Model) -> tuple[str, dict[str, str], dict[str, str]]:
-    """The columns of the times, of each output that was measured, and of starts by state, after a check of all columns."""
-    time, inputs, outputs = time_name(names_of(model.inputs)), names_of(model.inputs), names_of(model.outputs)
-    starts = {name: f"x0_{name}" for name in names_of(model.states) if f"x0_{name}" in table and f"x0_{name}" not in inputs}
-    needed = (time, *inputs)
-    taken = {*needed, *names_of(model.states), *starts.values()}
-    choices = {name: [column for column in (f"y_{name}", name) if column in table and column not in taken] for name in outputs}
-    read = {*needed, *starts.values(), *(column for columns in choices.values() for column in columns)}
-    if not set(needed) <= set(table.names) or set(table.names) - read or sorted(map(len, choices.values()))[-1] != 1:
-        expected = listed((*needed, *(f"y_{name}" for name in outputs)))
-        further = f"; x0_<state>, of {listed(names_of(model.states))}, for known starts" if model.states else ""
-        raise ValueError(
-            f"{table.path}: expected the columns {expected}, of outputs those measured, once{further}; given {listed(table.names)}"
-        )
-    return time, {name: columns[0] for name, columns in choices.items() if columns}, starts
-
-
-def _starts(table: CsvTable, model: Model, columns: Mapping[str, str]) -> dict[str, float]:
-    """Starts that the first row has; further rows say the same, or nothing."""
-    known = {}
-    for state in model.states:
-        if state.name in columns:
-            column = columns[state.name]
-            values = table.numbers(column, state.unit)
-            other = ~np.isnan(values) & (values != values[0])
-            table.refuse(other, column, "the start in the first row, and nothing else below it")
-            if not np.isnan(values[0]):
-                known[state.name] = float(values[0])
-    return known
+        Raises
+        ------
+        ValueError
+            For an input that is missing, an unknown name, times that do not increase, or no measured number behind the first
+            samples of all inputs.
+        """
+        check_type(model, Model, "model")
+        record = cls(*merged_channels(channels, model), x0={} if x0 is None else x0)
+        record.check(model)
+        return record

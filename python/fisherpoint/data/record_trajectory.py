@@ -18,7 +18,7 @@ from ..points.status import Status
 from ..show.numbers import counted
 from ..show.section import Report, to_html
 from ..show.table_preview import first_rows, numbered
-from .record import checked_times, held_inputs
+from .held_inputs import checked_times, held_inputs
 
 
 class RecordTrajectory(NamedTuple):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..basics.checks import as_path
-from ..basics.csv_table import csv_text
+from ..basics.csv_file import csv_text
 from ..basics.files import REPORTS, built_from, read_bytes, write_together
 from ..basics.messages import printable, shown
 from ..basics.quantity import names_of

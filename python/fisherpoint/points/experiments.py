@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_floats, as_index, as_parts, as_rows, as_sequence, check_alike, check_name, check_type
-from ..basics.csv_table import CsvTable, csv_text
+from ..basics.checks import as_floats, as_index, as_parts, as_path, as_rows, as_sequence, check_alike, check_name, check_type
+from ..basics.csv_file import csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
 from ..basics.quantity import DURATION, names_of
+from ..basics.table import DataTable
 from ..basics.values import Array
 from ..models import Model
 from ..show.section import Report
@@ -150,7 +151,7 @@ class Experiments(InNotebooks):
             Where a column is missing or unknown, or an entry is no number; the message names row and column.
         """
         check_type(model, Model, "model")
-        table = CsvTable(path)
+        table = DataTable(as_path(path, "path"))
         names, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
         places = (*place_names(n_x, n_u), *names[n_x + n_u :])
         columns = places if places[0] in table and names[0] not in table else names

@@ -9,10 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import check_alike, check_type
-from ..basics.csv_table import CsvTable, csv_text
+from ..basics.checks import as_path, check_alike, check_type
+from ..basics.csv_file import csv_text
 from ..basics.messages import listed, shown
 from ..basics.quantity import DURATION, Quantity, names_of
+from ..basics.table import DataTable
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from .experiments import columns_of, place_names
@@ -95,13 +96,13 @@ def _rest_cells(rest: Rest | None, inputs: Sequence[str], outputs: Sequence[str]
 
 def read_runs(path: str | Path, model: Model) -> tuple[Array, Array, Array, NDArray[np.bool_], list[Rest | None] | None]:
     """x0, u, dt, measured and rest of the runs in a file; see `Runs.from_csv`."""
-    table = CsvTable(path)
+    table = DataTable(as_path(path, "path"))
     further = rest_columns_of(table, model)
     parts = runs_of_table(table, model, further)
     return *parts, rest_of_table(table, model) if further else None
 
 
-def rest_columns_of(table: CsvTable, model: Model) -> tuple[str, ...]:
+def rest_columns_of(table: DataTable, model: Model) -> tuple[str, ...]:
     """The columns in which a table says how runs start at rest; none where it does not."""
     if REST not in table or REST in columns_of(model):
         return ()
@@ -113,7 +114,7 @@ def rest_columns_of(table: CsvTable, model: Model) -> tuple[str, ...]:
     return further
 
 
-def rest_of_table(table: CsvTable, model: Model) -> list[Rest | None]:
+def rest_of_table(table: DataTable, model: Model) -> list[Rest | None]:
     """How each run starts at rest, from a table that says so and whose runs are known to be in order."""
     run, texts = table.complete(RUN), table.texts(REST)
     first, states, inputs = np.diff(run, prepend=0.0) != 0, names_of(model.states), names_of(model.inputs)
@@ -141,7 +142,7 @@ def rest_of_table(table: CsvTable, model: Model) -> list[Rest | None]:
 
 
 def _rest_of_row(
-    table: CsvTable, row: int, names: Mapping[str, list[str]], held: Mapping[str, Array], given: Mapping[str, Array]
+    table: DataTable, row: int, names: Mapping[str, list[str]], held: Mapping[str, Array], given: Mapping[str, Array]
 ) -> Rest:
     u, outputs = ({name: float(of[row]) for name, of in some.items() if not np.isnan(of[row])} for some in (held, given))
     states = None if names[REST] == [ALL] else names[REST]
@@ -152,7 +153,7 @@ def _rest_of_row(
 
 
 def runs_of_table(
-    table: CsvTable, model: Model, outputs: Collection[str] = (), ignored: Collection[str] = ()
+    table: DataTable, model: Model, outputs: Collection[str] = (), ignored: Collection[str] = ()
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     """Read the runs of a table that may also have columns of outputs, and `ignored` ones that are not read."""
     expected = (RUN.name, SEGMENT.name, *columns_of(model), DURATION.name, MEASURED.name)

@@ -73,6 +73,7 @@ class Config(ModelFile):
     design: DesignTable = DesignTable()
     cost: CostTable | None = None
     campaign: CampaignTable = CampaignTable()
+    data: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _check_against_model(self) -> Config:

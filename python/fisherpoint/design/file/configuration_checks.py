@@ -11,6 +11,7 @@ from ...basics.messages import listed
 from ...basics.quantity import names_of
 from ...basics.toml_mistakes import choices, toml
 from ...basics.toml_tables import missing_entries, missing_names, wrong_entries, wrong_names
+from ...data.measurement_files import column_names
 from ...models import Model
 from .configuration_tables import BoundsEntry, PriorEntry, RegionTable, Std
 
@@ -87,6 +88,7 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         if isinstance(given, dict):
             yield from wrong_names(f"rule.{key}", given, parameters)
             yield from missing_entries(f"rule.{key}", missing_names(given, parameters), expected)
+    yield from wrong_names("data", tables.get("data") or (), column_names(model))
     if campaign is not None and isinstance(campaign.targets, dict):
         yield from wrong_names("campaign.targets", campaign.targets, estimated)
 

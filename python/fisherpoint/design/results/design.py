@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...basics.checks import as_path
-from ...basics.csv_table import CsvTable
 from ...basics.extras import needed_for
 from ...basics.files import REPORTS, write_together
 from ...basics.messages import printable
 from ...basics.quantity import names_of
 from ...basics.result_files import Kept
+from ...basics.table import DataTable
 from ...engine.versions import versions
 from ...information.problem_report import problem_sections
 from ...points.experiments import points_csv
@@ -129,7 +129,7 @@ def _has_points_of(design: FoundDesign, path: Path) -> bool:
     """Whether a table has a design's points, whatever columns were filled in and to as many digits as spreadsheets keep."""
     axes = design.problem.model.axes
     try:
-        table = CsvTable(path)
+        table = DataTable(path)
         table.read_decimal_commas(names_of(axes))
         points = np.column_stack([table.complete(quantity) for quantity in axes])
     except (OSError, ValueError, KeyError):
