@@ -30,11 +30,13 @@ test-cpp: $(VENV)/.system
 test-python: $(VENV)/.developer
 	$(BIN)/python -m pytest $(PARALLEL)
 
-# The kernels' tests on the levels that `test-python`, which takes the best one, leaves out.
+# The kernels' tests on the levels that `test-python`, which takes the best one, leaves out: each test on one of them, by its name.
 test-levels: $(VENV)/.developer
-	@set -e; for level in $$($(BIN)/python -c 'import fisherpoint as fp; print(*fp.instruction_sets()[:-1])'); do \
-	  echo "x86-64-$$level"; FISHERPOINT_ISA=$$level $(BIN)/python -m pytest -q $(PARALLEL) -m kernels \
-	    $$(grep -l 'mark[.]kernels' tests/python/test_*.py); \
+	@set -e; set -- $$($(BIN)/python -c 'import fisherpoint as fp; print(*fp.instruction_sets()[:-1])'); k=0; \
+	for level in "$$@"; do \
+	  echo "x86-64-$$level"; FISHERPOINT_ISA=$$level FISHERPOINT_TEST_SHARE=$$k/$$# $(BIN)/python -m pytest -q $(PARALLEL) \
+	    -m kernels $$(grep -l 'mark[.]kernels' tests/python/test_*.py); \
+	  k=$$((k + 1)); \
 	done
 
 bench: $(VENV)/.developer

@@ -124,17 +124,24 @@ def test_the_saved_results_are_those_of_one_fit_of_all_data(worker: Worker, undi
     assert dict(fit.standard_errors) == dict(campaign.history[-1].standard_errors)
 
 
+def lengths(content: bytes) -> list[int]:
+    """Where a file may be cut: at and beside the ends of its first and last lines, and at some places between."""
+    ends = [at for at, byte in enumerate(content) if byte == ord("\n")]
+    beside = {end + off for end in (*ends[:3], *ends[-3:]) for off in (0, 1, 2)}
+    return sorted(n for n in {0, 1, *beside, *range(0, len(content), 1 + len(content) // 16), len(content) - 1} if n < len(content))
+
+
 def test_a_truncated_file_is_never_read_as_a_whole_one(undisturbed: dict[str, bytes], tmp_path: Path) -> None:
     for name, content in undisturbed.items():
         (tmp_path / name).write_bytes(content)
     state = undisturbed["campaign.json"]
-    for length in [*range(0, len(state) - 1, 97), len(state) - 2]:
+    for length in lengths(state[:-2]):
         (tmp_path / "campaign.json").write_bytes(state[:length])
         with pytest.raises(ValueError, match=r"campaign.json: expected a whole JSON file"):
             fp.Campaign.load(tmp_path)
     (tmp_path / "campaign.json").write_bytes(state)
     data = undisturbed["data_2.csv"]
-    for length in range(len(data)):
+    for length in lengths(data):
         (tmp_path / "data_2.csv").write_bytes(data[:length])
         with pytest.raises(ValueError, match=r"data_2.csv: expected the data as they were read"):
             fp.Campaign.load(tmp_path)
