@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,11 +14,12 @@ from ...basics.checks import as_positive, check_positive_int, check_type
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import FrozenMapping
+from ...engine.workers import Distributor, Workers, distributed_over
 from ...information.combinations import combinations
 from ...information.prior_information import prior_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
-from ...points.settings import resolve_threads
+from ...points.settings import check_threads
 from ...show.progress import Progress, check_progress, following
 from ..candidates.candidate_rows import CandidateRows
 from ..candidates.point_rows import PointRows, check_additive
@@ -52,6 +55,7 @@ def approximate_design(
     tolerance: float = 1e-6,
     seed: int = 0,
     threads: int | None = None,
+    workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> ApproximateDesign:
     """Find weights of points, and prove how near to the best weights they are.
@@ -81,6 +85,8 @@ def approximate_design(
     seed : int
     threads : int, optional
         Default: every core.
+    workers : int, Executor or Dask client, optional
+        Who searches for candidates (docs/how_to/workers.md). The weights are the same. Default: this process.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` each time that
         something is done, with how many candidates are tried or weighed.
@@ -102,7 +108,7 @@ def approximate_design(
     criterion = criterion_of(problem, goal, threads)
     starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
-    seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
+    seed, threads = check_positive_int(seed, "seed", 0), check_threads(threads)
     tolerance = as_positive(tolerance, "tolerance")
     if not 1e-9 <= tolerance <= 0.1:
         raise ValueError(f"tolerance: expected a share between 1e-9 and 0.1, given {tolerance:g}")
@@ -130,7 +136,8 @@ def approximate_design(
         if given is None:
             given = _drawn(problem, n_candidates, rng)
             if fast and goal.criterion != "c":
-                given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, report)])
+                with distributed_over(workers, threads) as distributor:
+                    given = Experiments.join([given, *_searched(problem, seed, distributor, scenarios, report)])
         rows, places = source.valid(given)
         if not len(rows):
             refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
@@ -214,36 +221,57 @@ def _experiments(added: bool, n_experiments: int | None) -> int | None:
     return check_positive_int(n_experiments, "n_experiments")
 
 
+class _Searched(NamedTuple):
+    """Candidates that a search has found, and log det F of its design."""
+
+    candidates: list[Experiments]
+    log_det: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """A search for an exact design, which begins from a seed; `report` is called with how many candidates it has drawn."""
+
+    problem: DesignProblem
+    settings: ExchangeSettings
+    scenarios: Scenarios | None
+    threads: int
+    report: Callable[[int], None] | None
+
+    def __call__(self, seed: int) -> _Searched:
+        search, report = (
+            AutoSearch(self.problem, replace(self.settings, seed=seed), self.threads, scenarios=self.scenarios),
+            self.report,
+        )
+        if search.run(None if report is None else lambda _: report(search.source.drawn)) == StopReason.interrupted:
+            raise KeyboardInterrupt
+        found = []
+        seen = search.seen.best(search.best.information, None, RegionTuning().search_candidates)
+        if seen is not None:
+            found.append(seen.experiments)
+        if seen is None or self.scenarios is not None:  # the candidates are those of the mean, the design is for all scenarios
+            found.append(search.best.information.experiments)
+        return _Searched(found, search.best.log_det)
+
+
 def _searched(
-    problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None, report: Callable[[str, int], None]
+    problem: DesignProblem, seed: int, distributor: Distributor, scenarios: Scenarios | None, report: Callable[[str, int], None]
 ) -> list[Experiments]:
     """The best candidates of searches for exact designs: they look on every scale near good points, where peaks may be narrow.
 
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
     """
     p, found, best, tuning = len(problem.estimated), list[Experiments](), -np.inf, RegionTuning()
-    settings = ExchangeSettings(
-        n_experiments=p + tuning.points_beyond_parameters,
-        max_iterations=tuning.search_iterations,
-        seed=seed,
-    )
-    for k in range(tuning.searches):
-        search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
-        if search.run(_tried(search, report)) == StopReason.interrupted:
-            raise KeyboardInterrupt
-        seen = search.seen.best(search.best.information, None, tuning.search_candidates)
-        if seen is not None:
-            found.append(seen.experiments)
-        if seen is None or scenarios is not None:  # the candidates are those of the prior mean, the design is for all scenarios
-            found.append(search.best.information.experiments)
-        before, best = best, max(best, search.best.log_det)
-        if abs(search.best.log_det - before) < tuning.agreement_per_parameter * p:
+    settings = ExchangeSettings(n_experiments=p + tuning.points_beyond_parameters, max_iterations=tuning.search_iterations)
+    work = _Search(problem, settings, scenarios, distributor.threads, partial(report, "searching") if distributor.here else None)
+    seeds = range(seed, seed + tuning.searches)
+    for searched in distributor.map(work, seeds, "search {}".format, ahead=1):
+        found += searched.candidates
+        before, best = best, max(best, searched.log_det)
+        if abs(searched.log_det - before) < tuning.agreement_per_parameter * p:
             break
+        report("searching", sum(map(len, found)))
     return found
-
-
-def _tried(search: AutoSearch, report: Callable[[str, int], None]) -> Callable[[Progress], None]:
-    return lambda _: report("searching", search.source.drawn)
 
 
 def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:
