@@ -115,9 +115,12 @@ def test_an_executor_that_breaks_is_named() -> None:
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor, distributed_over(executor, None) as distributor:
-        with pytest.raises(WorkersLost, match=r"an executor that goes on, given one that broke at piece"):
-            list(distributor.map(deadly, range(5)))
+    with (
+        ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor,
+        distributed_over(executor, None) as distributor,
+        pytest.raises(WorkersLost, match=r"an executor that goes on, given one that broke at piece"),
+    ):
+        list(distributor.map(deadly, range(5)))
 
 
 def test_an_error_of_a_piece_is_raised_after_those_before_it_and_the_workers_go_on() -> None:

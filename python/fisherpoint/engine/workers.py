@@ -237,23 +237,20 @@ def distributed_over(workers: Workers | None, threads: int | None) -> Iterator[D
     TypeError, ValueError
         For anything else.
     """
+    check_workers(workers)
     slots, own = list[_Slot](), list[Any]()
     if isinstance(workers, int | np.integer):
         from .processes import OwnProcess
 
-        number = check_positive_int(workers, "workers", most=MOST_WORKERS)
+        number = int(workers)
         own = [OwnProcess() for _ in range(number)]
         slots, threads = [_Slot(one, own=one) for one in own], max(1, (threads or cores()) // number)
     elif workers is not None and hasattr(workers, "get_executor"):
         slots, threads = [_Slot(workers.get_executor(pure=False), _counted(workers))], threads or 1
-    elif hasattr(workers, "submit"):
+    elif workers is not None:
         known = (getattr(workers, name, None) for name in ("num_workers", "_max_workers"))
         count = next((number for number in known if isinstance(number, int) and number > 0), cores())
         slots, threads = [_Slot(workers, lambda: count)], threads or 1
-    elif workers is not None:
-        raise TypeError(
-            f"workers: expected a whole number, an executor of concurrent.futures or a Dask client, given {type(workers).__name__}"
-        )
     distributor = Distributor(slots, threads or cores())
     try:
         yield distributor
@@ -262,6 +259,21 @@ def distributed_over(workers: Workers | None, threads: int | None) -> Iterator[D
             distributor.cancel()
             for one in own:
                 one.end()
+
+
+def check_workers(workers: object) -> None:
+    """Raise where `workers` is unsuitable.
+
+    Raises
+    ------
+    TypeError, ValueError
+    """
+    if isinstance(workers, bool | int | np.integer):
+        check_positive_int(workers, "workers", most=MOST_WORKERS)
+    elif workers is not None and not hasattr(workers, "submit"):
+        raise TypeError(
+            f"workers: expected a whole number, an executor of concurrent.futures or a Dask client, given {type(workers).__name__}"
+        )
 
 
 def cores() -> int:

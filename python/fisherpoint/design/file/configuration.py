@@ -54,7 +54,7 @@ __all__ = ["Config", "ConfigError", "load_config", "load_problem"]
 
 _PROBLEM_KEYS = set(ProblemKeys.model_fields)
 _OF_METHOD = set(keys_of_options(ExchangeMethod))
-_OF_RUNS = {one.name for one in options_of(RunSettings)} & set(keys_of_options(ExchangeSettings))
+_OF_RUNS = {one.name for one in options_of(RunSettings)} & set(keys_of_options(ExchangeSettings, ExchangeMethod))
 
 
 class Config(ModelFile):
