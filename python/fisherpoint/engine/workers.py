@@ -28,14 +28,12 @@ from ..basics.messages import printable
 from .arithmetic import Arithmetic, arithmetic
 
 if TYPE_CHECKING:
-    from distributed import Client
-
     from .processes import OwnProcess
 
 T = TypeVar("T")
 R = TypeVar("R")
 
-Workers: TypeAlias = "int | Executor | Client"
+Workers: TypeAlias = int | Executor | Any
 """Processes that are begun here, an executor of `concurrent.futures` or one like it, or a client of a Dask cluster."""
 
 MOST_WORKERS = 4096
@@ -281,7 +279,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _counted(client: Client) -> Callable[[], int]:
+def _counted(client: Any) -> Callable[[], int]:
     """Count the threads of a cluster's workers, now and then."""
     last, count = -COUNTED_EVERY, 1
 

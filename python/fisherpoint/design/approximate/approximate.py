@@ -34,10 +34,11 @@ from ..points.random_climbs import Climbs
 from ..results.settings import ExchangeSettings
 from ..weights.weights import optimal_weights
 from .approximate_design import ApproximateDesign
+from .blocks import Blocks, drawn
 from .continuous import Refinement, refined
-from .tuning import RegionTuning
+from .tuning import BlockTuning, RegionTuning
 
-MOST_CANDIDATES = 10**6
+MOST_CANDIDATES, MOST_STARTS = 10**9, 10**6
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
@@ -77,7 +78,8 @@ def approximate_design(
     n_experiments : int, optional
         For `prior_information`, and where constants are uncertain: what is known beforehand counts once beside so many.
     n_candidates : int
-        Candidates that are drawn in the region first; those that are no points are left out.
+        Candidates that are drawn in the region first; those that are no points are left out. More than 65 536 are drawn, evaluated
+        and thinned in blocks, again until none of them would have a weight: memory does not bound their number.
     starts : int
         Places from which local ascents must find nothing.
     tolerance : float
@@ -86,7 +88,8 @@ def approximate_design(
     threads : int, optional
         Default: every core.
     workers : int, Executor or Dask client, optional
-        Who searches for candidates (docs/how_to/workers.md). The weights are the same. Default: this process.
+        Who searches for candidates, and looks at blocks of them (docs/how_to/workers.md). The weights are the same. Default: this
+        process.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` each time that
         something is done, with how many candidates are tried or weighed.
@@ -106,7 +109,7 @@ def approximate_design(
     check_additive(problem)
     goal = goal_of(goal, "approximate_design")
     criterion = criterion_of(problem, goal, threads)
-    starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
+    starts = check_positive_int(starts, "starts", 1, MOST_STARTS)
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
     seed, threads = check_positive_int(seed, "seed", 0), check_threads(threads)
     tolerance = as_positive(tolerance, "tolerance")
@@ -122,7 +125,7 @@ def approximate_design(
     if scenarios is not None:
         there = [criterion_of(one, goal, threads) for one in scenarios.problems]
         criterion = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
-    with following(progress, "approximate", counted=False) as callback:
+    with following(progress, "approximate", counted=False) as callback, distributed_over(workers, threads) as distributor:
 
         def report(doing: str, candidates: int) -> None:
             if callback is not None:
@@ -134,10 +137,9 @@ def approximate_design(
         rng = np.random.default_rng(seed)
         given, fast = candidates, problem.model.in_core  # of slow models few points are tried
         if given is None:
-            given = _drawn(problem, n_candidates, rng)
+            given = drawn(problem, min(n_candidates, BlockTuning().candidates), rng)
             if fast and goal.criterion != "c":
-                with distributed_over(workers, threads) as distributor:
-                    given = Experiments.join([given, *_searched(problem, seed, distributor, scenarios, report)])
+                given = Experiments.join([given, *_searched(problem, seed, distributor, scenarios, report)])
         rows, places = source.valid(given)
         if not len(rows):
             refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
@@ -158,13 +160,23 @@ def approximate_design(
             raise ValueError(
                 f"candidates: expected some that determine {what}, given none with information on {open_text}, in prior std"
             )
-        left_out = FrozenMapping(dict(+source.rejected))
+        left_out = +source.rejected
         report("weighing", len(pool))
         weights = optimal_weights(pool, criterion, tolerance=tolerance, seed=seed, space=space)
-        found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
+        found, tried = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0), 0
         if candidates is None:
             climb = Climbs(problem, rng, threads, elsewhere).run if fast else None
-            found = refined(source, points, pool, criterion, weights, starts, tolerance, rng, climb, report)
+            blocks = Blocks(source, elsewhere, seed, n_candidates, constant, distributor, report)
+            for _ in range(blocks.tuning.most_looks):
+                points, pool, weights = blocks.solved(points, pool, weights, criterion, space, tolerance)
+                found = refined(source, points, pool, criterion, weights, starts, tolerance, rng, climb, report)
+                above = max(tolerance, found.weights.largest - 1.0)  # other points leave room for other candidates
+                more, larger = blocks.joined(points, pool, found.weights, above) if blocks else (points, pool)
+                if larger is pool:
+                    break
+                points, pool = more, larger
+                weights = optimal_weights(pool, criterion, tolerance=tolerance, seed=seed, space=space)
+            left_out, tried = left_out + blocks.rejected, blocks.tried
     weights = found.weights
     tolerance, early = (
         (max(tolerance, RegionTuning().above), StopReason.max_iterations) if found.starts else (tolerance, StopReason.rounding)
@@ -186,10 +198,10 @@ def approximate_design(
         half=weights.half,
         estimable=space,
         null_directions=null,
-        n_candidates=found.n_candidates,
+        n_candidates=found.n_candidates + tried,
         starts=found.starts,
         sample=points[np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).astype(int)],
-        left_out=left_out,
+        left_out=FrozenMapping(dict(left_out)),
         deleted=weights.deleted,
         stop_reason=StopReason.converged if weights.largest <= 1 + tolerance else early,
         seconds=time.perf_counter() - started,
@@ -272,14 +284,3 @@ def _searched(
             break
         report("searching", sum(map(len, found)))
     return found
-
-
-def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:
-    """Points of the region, of every second some coordinates on its bounds, where optima often lie."""
-    region, model = problem.point_region, problem.model
-    table = region.draw(model, count, seed=rng, decades=True).table[:, : len(model.axes)].copy()
-    lower, upper = region.box(model)
-    on_bounds = rng.random(table.shape) < 0.5
-    on_bounds[::2] = False
-    table = np.where(on_bounds, np.where(rng.random(table.shape) < 0.5, lower, upper), table)
-    return Experiments.of_table(model, table)
