@@ -31,14 +31,14 @@ from ..goal.goal_criterion import criterion_of
 from ..goal.over_prior import OverPrior, Scenarios, moved_problems
 from ..points.auto_search import AutoSearch
 from ..points.random_climbs import Climbs
-from ..results.settings import ExchangeSettings
+from ..results.settings import MOST, ExchangeSettings
 from ..weights.weights import optimal_weights
 from .approximate_design import ApproximateDesign
 from .blocks import Blocks, drawn
 from .continuous import Refinement, refined
 from .tuning import BlockTuning, RegionTuning
 
-MOST_CANDIDATES, MOST_STARTS = 10**9, 10**6
+MOST_CANDIDATES = 10**9
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
@@ -109,7 +109,7 @@ def approximate_design(
     check_additive(problem)
     goal = goal_of(goal, "approximate_design")
     criterion = criterion_of(problem, goal, threads)
-    starts = check_positive_int(starts, "starts", 1, MOST_STARTS)
+    starts = check_positive_int(starts, "starts", 1, MOST["starts"])
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
     seed, threads = check_positive_int(seed, "seed", 0), check_threads(threads)
     tolerance = as_positive(tolerance, "tolerance")

@@ -26,10 +26,15 @@ METHODS = ("paper", "auto")
 
 MOST_ITERATIONS = {"paper": 200, "auto": 800}
 """Iterations of a search by its method, where no other number is given; "auto" ends earlier where nothing gains any more."""
-MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
+MOST = {
+    "starts": 10**6,
+    "n_experiments": 10**6,
+    "n_candidates": 10**6,
+    "max_iterations": 10**9,
+    "patience": 10**9,
+    "max_redraws": 10**6,
+}
 MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
-
-MOST_STARTS = 10_000
 
 SEED = Key(int, "Seed of the search; the same seed gives the same design, whatever the number of threads.", least=0)
 TIME_LIMIT = Key(
@@ -82,7 +87,7 @@ class ExchangeMethod(Options):
             int,
             "Number of [whole searches](../how_to/workers.md#many-starts), of which the best counts.",
             least=1,
-            most=MOST_STARTS,
+            most=MOST["starts"],
         ),
     )
     patience: int | None = option(
@@ -110,7 +115,7 @@ class ExchangeMethod(Options):
         check_choice(self.name, METHODS, "method")
         if self.patience is not None:
             set_field(self, "patience", check_positive_int(self.patience, "patience", most=MOST["patience"]))
-        set_field(self, "starts", check_positive_int(self.starts, "starts", most=MOST_STARTS))
+        set_field(self, "starts", check_positive_int(self.starts, "starts", most=MOST["starts"]))
         _check_time(self)
         set_field(self, "references", check_flag(self.references, "references"))
         set_field(self, "max_redraws", check_positive_int(self.max_redraws, "max_redraws", 0, MOST["max_redraws"]))
