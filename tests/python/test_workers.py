@@ -265,3 +265,40 @@ def test_an_interrupted_validation_has_the_first_of_its_runs(alone: dict[str, st
     assert found.interrupted and 20 <= found.runs < 150
     whole = fp.validate(PROBLEM, DESIGNS, runs=found.runs)
     assert found.to_pandas().to_csv() == whole.to_pandas().to_csv()
+
+
+# --- The command line ---------------------------------------------------------------------------------------------------
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "michaelis_menten.toml"
+
+
+def validated(run: Any, directory: Path, name: str, *options: str) -> str:
+    points = directory / "points.csv"
+    fp.Experiments(np.empty((4, 0)), [[0.2], [0.5], [0.8], [1.0]]).to_csv(points, fp.load_model(EXAMPLE))
+    shown = ("--runs", "40", "--no-plots", "--quiet", "-o", directory / name)
+    code, said, complaint = run("validate", EXAMPLE, points, *shown, *options)
+    assert (code, said, complaint) == (0, "", "")
+    return (directory / name / "validation.csv").read_text()
+
+
+def test_the_command_takes_a_number_of_workers_and_a_scheduler(run: Any, tmp_path: Path) -> None:
+    here = validated(run, tmp_path, "here")
+    assert validated(run, tmp_path, "two", "--workers", "2") == here
+    with ENGINES["dask"]() as client:
+        assert validated(run, tmp_path, "cluster", "--workers", client.scheduler.address) == here
+
+
+@pytest.mark.parametrize("wrong", ["0", "-1", "two", "1.5", "head:8786", "99999"])
+def test_the_command_refuses_other_workers(run: Any, tmp_path: Path, wrong: str) -> None:
+    code, _, complaint = run("validate", EXAMPLE, tmp_path / "none.csv", "-o", tmp_path / "out", "--workers", wrong)
+    assert code == 2 and "--workers" in complaint and "address of a Dask scheduler" in complaint
+
+
+def test_a_scheduler_that_does_not_answer_is_named(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="distributed is not installed")
+    monkeypatch.setattr("fisherpoint_command.workers.SECONDS", 0.2)
+    points = tmp_path / "points.csv"
+    fp.Experiments(np.empty((4, 0)), [[0.2], [0.5], [0.8], [1.0]]).to_csv(points, fp.load_model(EXAMPLE))
+    code, _, complaint = run("validate", EXAMPLE, points, "-o", tmp_path / "out", "--workers", "tcp://127.0.0.1:9")
+    assert code == 2 and "--workers: expected a Dask scheduler that answers, given tcp://127.0.0.1:9" in complaint
+    assert len(complaint.splitlines()) == 1
