@@ -52,7 +52,6 @@ def measure(quick: bool) -> list[ScreeningFigures]:
             max_iterations=40 if quick else 200,
             seed=0,
             method=ExchangeMethod(references=False, screen=False),
-            time_limit=None,
         )
         search = _Watched(default_problem(kind), settings, resolve_threads(None))
         search.run(None)

@@ -17,7 +17,7 @@ from fisherpoint.basics.values import Array
 from fisherpoint.estimation.least_squares import minimise
 from fisherpoint.estimation.weighting import WeightedResiduals
 from fisherpoint.points.settings import resolve_threads
-from fisherpoint.validation.fits import Estimator
+from fisherpoint.validation.fits import Estimator, VirtualExperiments
 from fisherpoint.validation.truths import Rig, Streams, truths_of
 
 from .designs import NOISE_STD, default_problem
@@ -78,13 +78,15 @@ def _figures(
     threads = resolve_threads(None)
     estimator = Estimator.of(problem, points, NOISE_STD, True, False, rtol, threads)
     theta, _ = truths_of(problem, "mean", FITS, 0)
-    y, _, _ = Rig.of(problem, None, NOISE_STD).measure(points, theta, Streams.of(0), threads)
+    rig = Rig.of(problem, None, NOISE_STD)
+    y, _, _ = rig.measure(points, theta, Streams.of(0), threads)
+    experiments = VirtualExperiments(estimator, rig, points, threads)
     residuals = replace(estimator.residuals, y=y)
     starts = np.tile(estimator.start, (FITS, 1))
     bounds = estimator.unknowns.lower, estimator.unknowns.upper
     tasks: dict[str, Callable[[], object]] = {
         "together": partial(minimise, residuals, starts, *bounds, accuracy=residuals.accuracy),
-        "validate": partial(fp.validate, problem, {"design": points}, runs=FITS, theta="mean", rtol=rtol),
+        "validate": lambda: experiments.run(theta, Streams.of(0)),
         "loop": lambda: [_alone(residuals, estimator.start, row) for row in range(LOOPED)],
     }
     times = best_times(tasks, 2 if quick else 5)

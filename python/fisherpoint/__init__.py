@@ -9,6 +9,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .basics.stop_reason import StopReason
     from .basics.units import convert_unit
     from .campaign.campaign import Campaign
+    from .campaign.many import campaigns
     from .data import Measurements, Record, VirtualRig, simulate_record
     from .data.pieces import Pieces, pieces
     from .design.approximate.approximate import approximate_design
@@ -115,6 +116,7 @@ __all__ = [
     "approximate_design",
     "assumed_covariance",
     "broken_limits",
+    "campaigns",
     "compare",
     "compare_rules",
     "convert_unit",
@@ -146,6 +148,7 @@ _PLACES = {
     ".basics.stop_reason": ("StopReason",),
     ".basics.units": ("convert_unit",),
     ".campaign.campaign": ("Campaign",),
+    ".campaign.many": ("campaigns",),
     ".data": ("Measurements", "Record", "VirtualRig", "simulate_record"),
     ".data.pieces": ("Pieces", "pieces"),
     ".design.approximate.approximate": ("approximate_design",),

@@ -1,5 +1,6 @@
 """What results consist of: classes that nobody makes by hand, for annotations and `isinstance`."""
 
+from .campaign.many import Campaigns
 from .data import RecordTrajectory
 from .design.compare.compare import ComparedDesign, DesignComparison
 from .design.results.efficiency import Efficiency
@@ -14,6 +15,7 @@ from .information.local_robustness import Nearby
 from .validation.design_validation import DesignValidation
 
 __all__ = [
+    "Campaigns",
     "ComparedDesign",
     "DesignComparison",
     "DesignValidation",

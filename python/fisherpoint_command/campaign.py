@@ -101,7 +101,7 @@ def _settings(config: Config, size: int | None, seed: int | None) -> dict[str, A
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
     settings, table = config.exchange_settings() if config.runs is None else config.run_settings(), config.campaign
-    if "time_limit" in settings:
+    if getattr(settings.get("method", ()), "time_limit", settings.get("time_limit")) is not None:
         raise config.error("design.time_limit", "expected none with a campaign, as each run has to come to the same points")
     settings.pop("n_experiments" if config.runs is None else "n_runs", None)
     for name, value in (("batch", table.batch), ("batch", size), ("seed", seed)):

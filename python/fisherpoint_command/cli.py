@@ -15,6 +15,7 @@ import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.standard_input import hold_standard_input
+from fisherpoint.engine.workers import WorkersLost
 
 from .argv import ARGUMENTS, is_quiet
 from .browse import browse
@@ -165,7 +166,7 @@ def _run(arguments: list[str]) -> int:
         return _fail("expected a task that fits into memory, given one that does not: fewer points, candidates or nodes")
     except OSError as error:
         return _fail(f"{error.filename or 'output'}: {error.strerror or error}")
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, WorkersLost) as error:
         return _fail(*getattr(error, "lines", [str(error)]))
 
 

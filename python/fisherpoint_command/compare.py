@@ -14,6 +14,7 @@ from .frame import Frame, Outcome, Task
 from .importing import importing
 from .options import Designs, OutputIfAny, framed
 from .standard_input import one_from_standard_input
+from .workers import opened
 
 if TYPE_CHECKING:
     from .drawing import Drawers
@@ -23,7 +24,7 @@ DRAWS = 1000
 """Plants on which designs are tried, by default."""
 
 
-@framed(OutputIfAny)
+@framed(OutputIfAny, workers=True)
 def compare(
     frame: Frame,
     file: Annotated[
@@ -55,8 +56,8 @@ def compare(
         return [*(points_row(name, given) for name, given in points.items()), about(size, f"{DRAWS} plants, seed {seed}")]
 
     def compute(_: Drawers) -> Outcome:
-        with alive("comparing"):
-            found = fp.compare(problem, points, seed=seed, threads=frame.threads)
+        with alive("comparing"), opened(frame.workers) as workers:
+            found = fp.compare(problem, points, seed=seed, threads=frame.threads, workers=workers)
         write = partial(write_tables, {"comparison.csv": lambda: found.to_pandas().to_csv()}, ["comparison.png"])
         return Outcome(report=found.report, write=write, draw=partial(write_shown, found, file))
 

@@ -16,8 +16,9 @@ import fisherpoint as fp
 from .argv import shell_line
 from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Columns, File, Output, Previous, Seed, framed
+from .options import Columns, File, Output, Previous, Seed, Starts, framed
 from .standard_input import one_from_standard_input
+from .workers import opened
 
 if TYPE_CHECKING:
     from .drawing import Drawers
@@ -39,7 +40,7 @@ class Over(StrEnum):
     cvar = "cvar"
 
 
-@framed(Output)
+@framed(Output, workers=True)
 def design(
     frame: Frame,
     file: File,
@@ -48,6 +49,7 @@ def design(
     ] = None,
     seed: Seed = None,
     max_iterations: Annotated[int | None, typer.Option(min=1, metavar="N", help="Overrides the value in the file.")] = None,
+    starts: Starts = None,
     method: Annotated[Method | None, typer.Option(help="Overrides the value in the file.")] = None,
     over: Annotated[
         Over | None, typer.Option(help="A criterion over the prior, not at its mean alone; overrides the value in the file.")
@@ -88,6 +90,7 @@ def design(
             "--previous": previous,
             "--column": column,
             "--method": method,
+            "--starts": starts,
             "--max-iterations": max_iterations,
         }
         for option in (option for option, given in of_points.items() if given):
@@ -98,7 +101,8 @@ def design(
                 settings[name] = value
         return design_of_runs(frame, config, settings, file)
     problem, settings = config.problem(), _with_over(config.exchange_settings(), over)
-    chosen = None if method is None else replace(settings["method"], name=method.value)
+    chosen = settings["method"] if method is None else replace(settings["method"], name=method.value)
+    chosen = chosen if starts is None else replace(chosen, starts=starts)
     for name, value in (("n_experiments", size), ("seed", seed), ("max_iterations", max_iterations), ("method", chosen)):
         if value is not None:
             settings[name] = value
@@ -126,8 +130,10 @@ def design(
     def compute(drawing: Drawers) -> Outcome:
         found, earlier = None, {name: settings.get(name) for name in ("previous", "keep")}
         try:
-            for found in designs(problem, planned, **earlier, threads=frame.threads, progress=not frame.quiet):
-                drawing.begin(plots_of(found))  # but for the criterion's, which shows what is compared in the end
+            with opened(frame.workers) as workers:
+                computed_by: dict[str, Any] = {"threads": frame.threads, "workers": workers}
+                for found in designs(problem, planned, **earlier, **computed_by, progress=not frame.quiet):
+                    drawing.begin(plots_of(found))  # but for the criterion's, which shows what is compared in the end
         except KeyboardInterrupt:
             if found is None:
                 raise

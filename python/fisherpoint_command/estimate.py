@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,8 +15,11 @@ from .frame import Frame, Outcome, Task
 from .importing import importing
 from .options import Columns, Noise, Output, framed
 from .standard_input import from_standard_input, one_from_standard_input
+from .workers import opened
 
 if TYPE_CHECKING:
+    from fisherpoint.estimation.profile import Profile
+
     from .drawing import Drawers
     from .dry_run import Row
 
@@ -25,7 +27,7 @@ STARTS, ITERATIONS = 8, 20
 """Starts of an estimate by default, and about how many iterations each takes."""
 
 
-@framed(Output)
+@framed(Output, workers=True)
 def estimate(
     frame: Frame,
     file: Annotated[
@@ -65,7 +67,6 @@ def estimate(
         from fisherpoint.estimation.picture_list import plots_of
 
         from .dry_run import about
-        from .heartbeat import alive
         from .tables import DataFiles
         from .terminal import read_config, read_data
         from .written_results import write_shown
@@ -101,8 +102,7 @@ def estimate(
             threads=frame.threads,
             progress=not frame.quiet,
         )
-        with alive("computing profiles") if profiles else nullcontext():
-            found = [fit.profile(name, threads=frame.threads) for name in fit.parameters] if profiles else []
+        found = list((_profiles(fit, frame) if profiles else {}).values())
         report = fit.report(profiles=found)
 
         def write(directory: Path, text: Callable[[], str]) -> list[str]:
@@ -115,3 +115,10 @@ def estimate(
 
     pictures = "fisherpoint.estimation.pictures"
     return frame.run(Task(problem=problem, files=[file, *data], plan=plan, pictures=pictures, compute=compute))
+
+
+def _profiles(fit: fp.Fit, frame: Frame) -> dict[str, Profile]:
+    from .heartbeat import alive
+
+    with alive("computing profiles"), opened(frame.workers) as workers:
+        return fit.profiles(threads=frame.threads, workers=workers)

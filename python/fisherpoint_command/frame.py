@@ -83,6 +83,7 @@ class Frame:
 
     output: Path | None
     threads: int | None
+    workers: str | None = None
     check: bool
     no_plots: bool
     quiet: bool

@@ -13,6 +13,7 @@ import typer
 from .frame import Frame
 from .importing import importing
 from .standard_input import from_standard_input, one_from_standard_input
+from .workers import check_workers
 
 Output = Annotated[
     Path | None,
@@ -22,7 +23,18 @@ OutputIfAny = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="DIR", help="Directory for what is written; made where needed.")
 ]
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of threads; does not change the result.")]
+Workers = Annotated[
+    str | None,
+    typer.Option(
+        metavar="N|ADDRESS",
+        callback=check_workers,
+        help="Processes that share the work and the threads, or the address of a Dask scheduler; does not change the result.",
+    ),
+]
 Seed = Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")]
+Starts = Annotated[
+    int | None, typer.Option(min=1, max=10**6, metavar="N", help="Whole searches, of which the best counts; overrides the file.")
+]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a result that is in the directory.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress bar and no report.")]
@@ -69,13 +81,14 @@ class Noise(StrEnum):
     estimated = "estimated"
 
 
-def framed(output: Any, *, force: bool = True) -> Callable[[Callable[..., int]], Callable[..., int]]:
+def framed(output: Any, *, force: bool = True, workers: bool = False) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Make a command of a function that takes a `Frame` first, and whose own arguments follow.
 
     The options of the frame come with it: `output`, of this type, behind what is needed, and the others at the end, without `force`
-    where no result is ever replaced.
+    where no result is ever replaced, and with `workers` where these can share the work.
     """
-    behind = {"threads": (Threads, None), "check": (Check, False), "no_plots": (NoPlots, False)}
+    behind: dict[str, tuple[Any, Any]] = {"threads": (Threads, None)} | ({"workers": (Workers, None)} if workers else {})
+    behind |= {"check": (Check, False), "no_plots": (NoPlots, False)}
     behind |= ({"force": (Force, False)} if force else {}) | {"quiet": (Quiet, False)}
 
     def command_of(function: Callable[..., int]) -> Callable[..., int]:

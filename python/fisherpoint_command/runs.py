@@ -20,6 +20,7 @@ from .drawing import Drawers
 from .dry_run import run_rows
 from .frame import Frame, Outcome, Task
 from .terminal import named_files, read_data, warn_of_outside
+from .workers import opened
 from .written_results import write_shown
 
 RUN_PICTURES = "fisherpoint.design.runs.run_pictures"
@@ -33,7 +34,8 @@ def design_of_runs(frame: Frame, config: Config, settings: dict[str, Any], file:
         raise config.error("noise_std", "missing; expected the noise of every output, which runs are designed for")
 
     def compute(_: Drawers) -> Outcome:
-        found = fp.design_runs(problem, **settings, threads=frame.threads, progress=not frame.quiet)
+        with opened(frame.workers) as workers:
+            found = fp.design_runs(problem, **settings, threads=frame.threads, workers=workers, progress=not frame.quiet)
 
         def write(directory: Path, report: Callable[[], str]) -> list[str]:
             found.save(directory)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,8 +14,9 @@ import fisherpoint as fp
 
 from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Columns, Output, Previous, Seed, framed
+from .options import Columns, Output, Previous, Seed, Starts, framed
 from .standard_input import one_from_standard_input
+from .workers import opened
 
 if TYPE_CHECKING:
     from .drawing import Drawers
@@ -24,7 +26,7 @@ MOST_SIZES = 1000
 """Most sizes of one sweep."""
 
 
-@framed(Output)
+@framed(Output, workers=True)
 def sweep(
     frame: Frame,
     file: Annotated[
@@ -40,6 +42,7 @@ def sweep(
     previous: Previous = None,
     column: Columns = None,
     seed: Seed = None,
+    starts: Starts = None,
 ) -> int:
     """Find designs of several sizes, and report what more experiments add, and cost.
 
@@ -71,6 +74,8 @@ def sweep(
     settings = {name: value for name, value in config.exchange_settings().items() if name != "n_experiments"}
     if seed is not None:
         settings["seed"] = seed
+    if starts is not None:
+        settings["method"] = replace(settings["method"], starts=starts)
     counts = _sizes(sizes)
     if counts is None:
         raise ConfigError(f"--sizes: expected whole numbers, at most {MOST_SIZES} of them, as 9:30 or 6,9,12; given {sizes}")
@@ -84,7 +89,8 @@ def sweep(
 
     def compute(_: Drawers) -> Outcome:
         given: dict[str, Any] = {"cost": cost, "previous": earlier or None, **settings}
-        found = fp.sweep(problem, counts, **given, threads=frame.threads, progress=not frame.quiet)
+        with opened(frame.workers) as workers:
+            found = fp.sweep(problem, counts, **given, threads=frame.threads, workers=workers, progress=not frame.quiet)
         tables = {f"design_{len(of.points)}.csv": points_csv(of.points, problem.model) for of in found.designs}
 
         def write(directory: Path, report: Callable[[], str]) -> list[str]:

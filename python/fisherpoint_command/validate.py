@@ -15,6 +15,7 @@ from .frame import Frame, Outcome, Task
 from .importing import importing
 from .options import Designs, Noise, Output, framed
 from .standard_input import one_from_standard_input
+from .workers import opened
 
 if TYPE_CHECKING:
     from .drawing import Drawers
@@ -31,7 +32,7 @@ class Truth(StrEnum):
     mean = "mean"
 
 
-@framed(Output)
+@framed(Output, workers=True)
 def validate(
     frame: Frame,
     file: Annotated[
@@ -73,17 +74,19 @@ def validate(
         ]
 
     def compute(_: Drawers) -> Outcome:
-        found = fp.validate(
-            problem,
-            points,
-            runs=runs,
-            theta=theta.value,
-            seed=seed,
-            noise=noise.value,
-            use_prior=use_prior,
-            threads=frame.threads,
-            progress=not frame.quiet,
-        )
+        with opened(frame.workers) as workers:
+            found = fp.validate(
+                problem,
+                points,
+                runs=runs,
+                theta=theta.value,
+                seed=seed,
+                noise=noise.value,
+                use_prior=use_prior,
+                threads=frame.threads,
+                workers=workers,
+                progress=not frame.quiet,
+            )
         return Outcome(
             report=found.report,
             write=partial(write_tables, {"validation.csv": lambda: found.to_pandas().to_csv()}, ["validation.png"]),

@@ -88,7 +88,6 @@ def estimate_cases() -> dict[str, Case]:
             noise_std=(NOISE, NONE),
             runs=(2, INT),
             theta=("mean", MAP),
-            rtol=rtol,
             threads=threads,
         ),
         "a bound": case(
@@ -117,7 +116,6 @@ def estimate_cases() -> dict[str, Case]:
             truth=(None, NONE, MODEL),
             noise=("known",),
             use_prior=(True, FLAG),
-            rtol=rtol,
             threads=threads,
         ),
     }

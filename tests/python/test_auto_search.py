@@ -38,7 +38,6 @@ SETTINGS: dict[str, Any] = {
     "max_iterations": 0,
     "seed": 0,
     "method": fp.ExchangeMethod(patience=None, max_redraws=1, references=False),
-    "time_limit": None,
 }
 
 
@@ -329,7 +328,7 @@ def test_it_ends_when_nothing_gains_any_more() -> None:
 def test_limits_are_kept() -> None:
     none = fp.exchange(problem(), **QUICK | {"max_iterations": 0})
     assert none.trace[-1].iteration == 0 and none.stop_reason == "max_iterations"
-    soon = fp.exchange(problem(), **QUICK, time_limit=1e-6)
+    soon = fp.exchange(problem(), **QUICK | {"method": fp.ExchangeMethod(references=False, time_limit=1e-6)})
     assert soon.stop_reason == "time_limit" and soon.trace[-1].iteration == 1
     model, mean, bounds, count = ONE_FACTOR["Michaelis-Menten"]
     patient = fp.exchange(

@@ -100,11 +100,25 @@ def test_the_cache_serves_an_equal_model(compiled, cache, monkeypatch):
     assert slider.compile().compiled
 
 
-def test_a_compiled_model_is_equal_to_the_interpreted_one_and_is_interpreted_after_pickling(compiled):
-    assert compiled == slider
+def test_a_compiled_model_is_equal_to_the_interpreted_one_and_is_compiled_after_pickling(compiled, points, monkeypatch):
+    assert compiled == slider and compiled.compile() is compiled
+    monkeypatch.setattr(building, "_build", lambda *_: pytest.fail("built again"))
     again = pickle.loads(pickle.dumps(compiled))
-    assert again == slider
-    assert not again.compiled
+    assert again == slider and again.compiled
+    one, other = (fp.sensitivities(model, points, THETA).dy_dtheta for model in (compiled, again))
+    assert one.tobytes() == other.tobytes()
+
+
+def test_a_pickled_copy_that_would_compute_otherwise_is_refused(compiled, monkeypatch):
+    pickled = pickle.dumps(compiled)
+    with monkeypatch.context() as patch:
+        patch.setattr(building, "find_compiler", lambda: None)
+        with pytest.raises(RuntimeError, match=r"compiled as where it was pickled, given .*found none.*without compile"):
+            pickle.loads(pickled)
+    monkeypatch.setattr(building, "_key", lambda *_: "0" * 32)
+    monkeypatch.setattr(building, "_loaded", lambda tape, *_: tape)
+    with pytest.raises(RuntimeError, match="given another compiler"):
+        pickle.loads(pickled)
 
 
 def test_without_a_compiler_it_says_so_and_stays_interpreted(monkeypatch):

@@ -58,7 +58,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "some parameters": ({"parameters": ["E_oil", "a_tau"]}, {"n_experiments": 3}),
     "singular": ({}, {"n_experiments": 2}),
     "no references": ({}, {"method": fp.ExchangeMethod(references=False)}),
-    "settings": ({}, {"method": fp.ExchangeMethod(patience=3, max_redraws=3), "time_limit": 100.5, "seed": 2**70}),
+    "settings": ({}, {"method": fp.ExchangeMethod(patience=3, max_redraws=3, time_limit=100.5), "seed": 2**70}),
     "constants": ({"model": fp.HydraulicCylinder(k_u=1.0, T_1=3.3e-3, p_s=2.05e7)}, {}),
     "constraints": ({"region": fp.ExperimentRegion(REGION, ["v > 0.01", "p_A + p_B < 2.5e7"])}, {}),
     "one level": ({"rule": fp.TensorGrid(1, span=1.25)}, {}),

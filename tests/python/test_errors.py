@@ -329,10 +329,8 @@ def test_an_evaluation_wants_a_problem() -> None:
         ("progress", {"progress": 5}),
         ("method", {"method": 3}),
         ("goal", {"goal": 3}),
-        ("time_limit", {"time_limit": 0.0}),
-        ("time_limit", {"time_limit": -1.0}),
-        ("time_limit", {"time_limit": NAN}),
-        ("time_limit", {"time_limit": "soon"}),
+        ("workers", {"workers": 0}),
+        ("workers", {"workers": "two"}),
     ],
 )
 def test_exchange(name: str, changes: dict[str, Any]) -> None:
@@ -348,6 +346,8 @@ def test_exchange(name: str, changes: dict[str, Any]) -> None:
         ("max_redraws", {"max_redraws": -1}),
         ("local", {"local": -0.1}),
         ("local", {"local": 1.5}),
+        *(("time_limit", {"time_limit": wrong}) for wrong in (0.0, -1.0, NAN, "soon")),
+        *(("starts", {"starts": wrong}) for wrong in (0, 1.5, 10**7)),
     ],
 )
 def test_exchange_method(name: str, options: dict[str, Any]) -> None:

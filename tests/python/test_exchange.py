@@ -288,17 +288,15 @@ def test_settings_are_kept() -> None:
         n_candidates=4,
         max_iterations=2,
         seed=7,
-        method=fp.ExchangeMethod(patience=5, max_redraws=2, references=False),
-        time_limit=60,
+        method=fp.ExchangeMethod(patience=5, max_redraws=2, references=False, time_limit=60),
     )
     assert vars(design.settings) == {
         "n_experiments": 9,
         "goal": fp.Goal(),
-        "method": fp.ExchangeMethod(patience=5, max_redraws=2, references=False),
+        "method": fp.ExchangeMethod(patience=5, max_redraws=2, references=False, time_limit=60.0),
         "n_candidates": 4,
         "max_iterations": 2,
         "seed": 7,
-        "time_limit": 60.0,
     }
     assert design.problem is given and given.rule == SMALL
     assert design.seconds >= design.trace[-1].seconds

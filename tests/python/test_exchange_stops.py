@@ -54,8 +54,7 @@ def test_a_time_limit_bounds_the_whole_call(references: bool) -> None:
             9,
             n_candidates=10,
             max_iterations=10**6,
-            time_limit=0.3,
-            method=fp.ExchangeMethod(references=references, patience=None),
+            method=fp.ExchangeMethod(references=references, patience=None, time_limit=0.3),
             threads=1,
         )
         seconds.append(time.process_time() - started)

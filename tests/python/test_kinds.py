@@ -121,7 +121,7 @@ def test_data_give_the_parameters_back(chain: Chain, design: fp.Design) -> None:
     fit = fp.estimate(chain.model, data, chain.problem.prior, noise_std=noise, starts=1, rtol=1e-8)
     off = (fit.theta - chain.theta) / chain.std
     assert np.abs(off).max() < 5
-    checked = fp.validate(chain.problem, {"designed": design.points}, runs=5, use_prior=True, rtol=1e-8)
+    checked = fp.validate(chain.problem, {"designed": design.points}, runs=5, use_prior=True)
     found = checked.designs["designed"]
     assert found.fits + sum(found.failures.values()) == 5 and found.fits >= 1
     assert found.per_run is not None and np.isfinite(found.per_run.estimate).all()

@@ -122,7 +122,7 @@ def test_any_pooled_design_is_warned_of(design: fp.Design) -> None:
     ("reason", "settings", "expected"),
     [
         ("patience", {"method": fp.ExchangeMethod(patience=7)}, "no exchange for too long: 7 iterations"),
-        ("time_limit", {"time_limit": 2.5}, "the time limit of 2.5 s"),
+        ("time_limit", {"method": fp.ExchangeMethod(time_limit=2.5)}, "the time limit of 2.5 s"),
         ("interrupted", {}, "interrupted"),
     ],
 )

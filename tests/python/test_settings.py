@@ -61,6 +61,6 @@ def test_the_docstring_says_how_many_iterations_there_are() -> None:
 
 @pytest.mark.parametrize(("method", "iterations"), [("auto", 800), ("paper", 200)])
 def test_a_search_has_that_many(method: str, iterations: int, decay_problem: fp.DesignProblem) -> None:
-    chosen = fp.ExchangeMethod(method, references=False)
-    design = fp.exchange(decay_problem, n_experiments=2, n_candidates=2, method=chosen, time_limit=0.5)
+    chosen = fp.ExchangeMethod(method, references=False, time_limit=0.5)
+    design = fp.exchange(decay_problem, n_experiments=2, n_candidates=2, method=chosen)
     assert design.settings.max_iterations == iterations

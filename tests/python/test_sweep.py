@@ -104,7 +104,7 @@ def test_an_interrupt_keeps_what_is_done() -> None:
     found = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, progress=stop)
     assert found.sizes == (3, 4) and found.stop_reason == "interrupted"
     assert "The sweep was ended early (interrupted): larger sizes are missing" in str(found)
-    limited = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, time_limit=1e-6)
+    limited = fp.sweep(quadratic(), range(3, 8), n_candidates=5, max_iterations=8, method=fp.ExchangeMethod(time_limit=1e-6))
     assert limited.sizes == (3,) and limited.stop_reason == "time_limit"
     told = "The sweep was ended early (the time limit): the search for 3 points was not done, and larger sizes are missing"
     assert told in " ".join(str(limited).split())
@@ -114,13 +114,16 @@ def test_a_time_limit_is_that_of_all_sizes_and_the_last_is_not_done_either(monke
     limits, run = [], PointSearch.run
 
     def noted(search: PointSearch, progress: Any) -> str:
-        limits.append(search.settings.time_limit)
+        limits.append(search.settings.method.time_limit)
         return run(search, progress)
 
     monkeypatch.setattr(PointSearch, "run", noted)
-    fp.sweep(quadratic(), (3, 4, 5), n_candidates=5, max_iterations=4, time_limit=1000.0)
+    fp.sweep(quadratic(), (3, 4, 5), n_candidates=5, max_iterations=4, method=fp.ExchangeMethod(time_limit=1000.0))
     assert 1000.0 > limits[0] > limits[1] > limits[2] > 0
-    assert fp.sweep(quadratic(), (3,), n_candidates=5, max_iterations=8, time_limit=1e-6).stop_reason == "time_limit"
+    assert (
+        fp.sweep(quadratic(), (3,), n_candidates=5, max_iterations=8, method=fp.ExchangeMethod(time_limit=1e-6)).stop_reason
+        == "time_limit"
+    )
 
 
 @pytest.mark.parametrize(("errors", "knee"), [((1.0, 0.6, 0.5), 4), ((1.0, 0.9, 0.5), None), ((1.0, 0.9, 1.1), None)])

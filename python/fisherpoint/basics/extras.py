@@ -7,7 +7,8 @@ from contextlib import contextmanager
 
 from .interrupts import interrupts_wait
 
-EXTRAS = ("matplotlib", "pandas")
+EXTRAS = {"distributed": "cluster", "matplotlib": "all", "pandas": "all"}
+"""The extra that has each of them."""
 
 
 @contextmanager
@@ -23,5 +24,5 @@ def needed_for(what: str) -> Iterator[None]:
         package = (missing.name or "").partition(".")[0]
         if package not in EXTRAS:
             raise
-        message = f"{what}: expected the package {package}, given none: pip install 'fisherpoint[all]'"
+        message = f"{what}: expected the package {package}, given none: pip install 'fisherpoint[{EXTRAS[package]}]'"
         raise ModuleNotFoundError(message, name=package) from None

@@ -36,9 +36,11 @@ def batch_settings(problem: DesignProblem, batch: int | None, seed: int, given: 
     values = dict(given) | {"goal": goal_of(given.get("goal", "D"))}
     if by.settings is ExchangeSettings:
         method = replace(method_of(given.get("method", "auto")), references=False)
+        if method.time_limit is not None:
+            raise ValueError(f"time_limit: expected none, by which no search would repeat another, given {method.time_limit:g}")
         values |= {"method": method, "max_iterations": most_iterations(given.get("max_iterations"), method, problem)}
     values[by.size] = check_positive_int(by.batch if batch is None else batch, "batch")
-    return by.settings(**values, seed=check_positive_int(seed, "seed", 0), time_limit=None)
+    return by.settings(**values, seed=check_positive_int(seed, "seed", 0))
 
 
 def checked_targets(given: Mapping[str, float] | float | None, problem: DesignProblem) -> Mapping[str, float]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..basics.checks import check_choice
 from ..basics.extras import needed_for
+from ..engine.workers import Workers
 from ..information.problem_report import prior_section
 from ..prior.gaussian import GaussianPrior
 from ..show.display import Plots, Shown
@@ -17,7 +18,7 @@ from ..show.section import Report, Section
 from .fit_files import fit_dict, load_fit, save_fit
 from .picture_list import plots_of
 from .posterior import posterior_of
-from .profile import Profile, profile_of
+from .profile import Profile, profile_of, profiles_of
 from .profile_curve import ProfileCurve
 from .report import fit_facts, fit_report
 from .statistics import FitStatistics
@@ -63,6 +64,37 @@ class Fit(FitStatistics, Shown):
             For an unknown name, a level outside 0 to 1, or a number of threads that is none.
         """
         return profile_of(self, name, level, progress, threads)
+
+    def profiles(
+        self,
+        names: Iterable[str] | None = None,
+        *,
+        level: float = 0.95,
+        threads: int | None = None,
+        workers: Workers | None = None,
+        progress: bool | Callable[[Progress], None] | None = None,
+    ) -> dict[str, Profile]:
+        """The profile likelihoods of several unknowns, by their names; see `profile`.
+
+        Parameters
+        ----------
+        names : iterable of str, optional
+            Of `parameters`. Default: all of them.
+        level : float
+            Probability of the intervals.
+        threads : int, optional
+            Default: every core.
+        workers : int, Executor or Dask client, optional
+            Who computes them, one each at a time (docs/how_to/workers.md). They are the same. Default: this process.
+        progress : bool or callable, optional
+            True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `profile`.
+        """
+        return profiles_of(self, names, level, threads, workers, progress)
 
     def posterior(self) -> GaussianPrior:
         """The estimate and its covariance as the prior of what comes next, of all parameters of the model.

@@ -8,8 +8,9 @@ for several, nu is that of `Fit.quantile_degrees_of_freedom`, and n / nu how muc
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,11 +18,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import as_probability, check_known
+from ..basics.checks import as_probability, check_known, some_names_among
 from ..basics.extras import needed_for
 from ..basics.stop_reason import StopReason
 from ..basics.values import Array
-from ..points.settings import resolve_threads
+from ..engine.workers import Workers, distributed_over
+from ..points.settings import check_threads, resolve_threads
 from ..show.numbers import counted, number
 from ..show.progress import Progress, check_progress, following
 from ..show.section import Report, Section
@@ -158,6 +160,32 @@ def profile_of(
         (sides[0].ended, sides[1].ended),
         fit.intervals(level)[name],
     )
+
+
+def profiles_of(
+    fit: FitStatistics,
+    names: Iterable[str] | None,
+    level: float = 0.95,
+    threads: int | None = None,
+    workers: Workers | None = None,
+    progress: bool | Callable[[Progress], None] | None = None,
+) -> dict[str, Profile]:
+    """See `Fit.profiles`."""
+    check_progress(progress)
+    chosen = fit.parameters if names is None else some_names_among(names, fit.parameters, "names")
+    found: dict[str, Profile] = {}
+    started = perf_counter()
+    with following(progress, "profiles") as report, distributed_over(workers, check_threads(threads)) as distributor:
+        work = partial(_profile, fit, level, distributor.threads)
+        for profile in distributor.map(work, chosen, lambda k: f"the profile of {chosen[k]}", ahead=1):
+            found[profile.name] = profile
+            if report is not None:
+                report(Progress(len(found), len(chosen), None, profile.name, perf_counter() - started))
+    return found
+
+
+def _profile(fit: FitStatistics, level: float, threads: int, name: str) -> Profile:
+    return profile_of(fit, name, level, threads=threads)
 
 
 # The minimum over the other unknowns

@@ -99,6 +99,11 @@ class CandidateSource:
     def accepted(self) -> int:
         return self.drawn - self.rejected.total()
 
+    def include(self, other: CandidateSource) -> None:
+        """Count what another source has drawn."""
+        self.drawn += other.drawn
+        self.rejected.update(other.rejected)
+
     def draw(self, count: int) -> PointInformation:
         """Return `count` candidates that are valid at the prior mean, without predictive covariances.
 

@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..basics.messages import printable
 from ..basics.quantity import Quantity
@@ -65,7 +65,14 @@ LAST_LINES = 3
 """Number of last lines of a compiler's output that are shown beside its first error."""
 
 
-def compiled_model(model: Model, states: Sequence[Quantity], programs: Programs, tape: Any) -> Any | None:
+class CompiledCore(NamedTuple):
+    """A model with kernels of its own, and the key of all that decides how they compute."""
+
+    core: Any
+    key: str
+
+
+def compiled_model(model: Model, states: Sequence[Quantity], programs: Programs, tape: Any) -> CompiledCore | None:
     """Return `programs`, which `tape` has as the core interprets them, with kernels of their own, built where no cache has them.
 
     None, with a warning that says why, where there is no C++ compiler, or where it cannot build the model.
@@ -100,7 +107,7 @@ def compiled_model(model: Model, states: Sequence[Quantity], programs: Programs,
         return None
     for remark in cache.remarks:
         warnings.warn(f"compile: {printable(remark)}", stacklevel=3)
-    return found
+    return CompiledCore(found, key)
 
 
 def _loaded(tape: Any, cache: LibraryCache, key: str) -> Any | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
@@ -18,7 +18,7 @@ from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from ..engine.levels import Kernels
 from .clock import clock_names, clock_quantity
-from .compiled import compiled_model
+from .compiled import CompiledCore, compiled_model
 from .dependence import Dependence
 from .dimensions import mistakes_in_units, plain_rate_of, rate_of, stated
 from .expressions import symbol
@@ -191,7 +191,7 @@ class SymbolicModel(DescribedModel):
     @cached_property
     def core(self) -> Any:
         """The model's programs, as the compiled kernels interpret them, or with kernels of its own."""
-        core = self._tape if self._own_core is None else self._own_core
+        core = self._tape if self._compiled is None else self._compiled.core
         return HiddenCore(core, len(self.states), self._hidden_starts) if self._hidden_starts else core
 
     @property
@@ -227,20 +227,23 @@ class SymbolicModel(DescribedModel):
         Building them takes a minute or so, once: a cache keeps them for every later run (``FISHERPOINT_CACHE`` names another
         directory for it than the user's own). It takes a C++ compiler, g++ or clang++; without one the model goes on
         interpreted, and a warning says so. Where others could write to the cache, or it cannot be written at all, a warning says so
-        too, and the kernels last as long as the process. Results differ by rounding; a pickled copy is interpreted again.
+        too, and the kernels last as long as the process. Results differ by rounding, so that a pickled copy is compiled as well, or
+        an error where another compiler, other flags, or none would have it compute otherwise.
         """
+        if self.compiled:
+            return self
         if self.structure.resets:
             warnings.warn("compile: expected a model without latch() and resets; the model stays interpreted", stacklevel=2)
             return self
         compiled = copy.copy(self)
         compiled.__dict__.pop("core", None)
-        compiled._own_core = compiled_model(compiled, self._followed, self.structure.programs, compiled._tape)
+        compiled._compiled = compiled_model(compiled, self._followed, self.structure.programs, compiled._tape)
         return compiled
 
     @property
     def compiled(self) -> bool:
         """Whether the model has kernels of its own."""
-        return self._own_core is not None
+        return self._compiled is not None
 
     @property
     def shown_states(self) -> Mapping[str, str]:
@@ -265,7 +268,7 @@ class SymbolicModel(DescribedModel):
             **parts,
         )
 
-    _own_core: Any | None = None
+    _compiled: CompiledCore | None = None
 
     def symbolic(self) -> SymbolicModel:
         """The model itself."""
@@ -405,7 +408,9 @@ class SymbolicModel(DescribedModel):
 
     def __reduce__(self) -> tuple[Any, ...]:
         f, g, _ = self.texts
-        return (partial(SymbolicModel._made, **self._options), (f, g, self.states, self.inputs, self.parameters, self.outputs))
+        made = partial(SymbolicModel._made, **self._options)
+        given = (f, g, self.states, self.inputs, self.parameters, self.outputs)
+        return (made, given) if self._compiled is None else (_compiled_again, (made, given, self._compiled.key))
 
     def __str__(self) -> str:
         rates, output, _ = self.texts
@@ -413,3 +418,23 @@ class SymbolicModel(DescribedModel):
 
     def _repr_latex_(self) -> str:
         return latex(self.equations, names_of(self.outputs))
+
+
+def _compiled_again(made: Callable[..., SymbolicModel], given: Sequence[Any], key: str) -> SymbolicModel:
+    """A compiled model that was pickled.
+
+    Raises
+    ------
+    RuntimeError
+        Where it would not compute to the same bits.
+    """
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        model = made(*given).compile()
+    if model._compiled is None or model._compiled.key != key:
+        what = "; ".join(str(one.message) for one in heard) or "another compiler, other flags or another instruction set"
+        raise RuntimeError(
+            f"model: expected {model.name} compiled as where it was pickled, given {what}: install the same compiler, or give the"
+            " model as it is, without compile()"
+        )
+    return model

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..basics.checks import as_float, check_choice, check_positive_int
 from ..basics.values import Array
+from ..engine.workers import cores
 from ..models import Model
 from .experiments import Experiments
 from .rest_starts import checked_starts
@@ -52,9 +52,12 @@ class Integration(NamedTuple):
 
 def resolve_threads(threads: int | None) -> int:
     """Return the number of threads: as given, or the cores that this process may use."""
-    if threads is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return check_positive_int(threads, "threads", most=MAX_THREADS)
+    return check_threads(threads) or cores()
+
+
+def check_threads(threads: int | None) -> int | None:
+    """Return the number of threads that is given."""
+    return None if threads is None else check_positive_int(threads, "threads", most=MAX_THREADS)
 
 
 def checked_arguments(

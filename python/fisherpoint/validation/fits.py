@@ -32,6 +32,9 @@ from .truths import Rig, Streams
 MOST_NUMBERS = 4_000_000
 """Entries of the Jacobians of the problems that are advanced at once, so that memory stays bounded."""
 
+RTOL = 1e-9
+"""Tolerance of the fits' trajectories."""
+
 STARTS = 8
 """Starts of a search at most, as `estimate` has by default."""
 
@@ -214,19 +217,18 @@ def _blank(points: Points, of_sample: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class VirtualExperiments:
-    """Virtual experiments with one design, part after part: the random numbers go on from one to the next."""
+    """Virtual experiments with one design."""
 
     estimator: Estimator
     rig: Rig
     points: Points
-    streams: Streams
     threads: int
 
-    def run(self, theta: Array) -> VirtualFits:
+    def run(self, theta: Array, streams: Streams) -> VirtualFits:
         """Measure the points at true parameters theta (n, p), and fit the data of each virtual experiment."""
         estimator = self.estimator
         columns = [names_of(self.rig.model.parameters).index(name) for name in estimator.parameters]
-        y, status, deviations = self.rig.measure(self.points, theta, self.streams, self.threads)
+        y, status, deviations = self.rig.measure(self.points, theta, streams, self.threads)
         of_nuisance = np.tile(estimator.unknowns.center[len(columns) :], (len(theta), 1))
         if deviations.shape[1]:  # a true model of its own has its own constants
             of_nuisance += deviations
@@ -238,7 +240,7 @@ class VirtualExperiments:
         if ok.any():
             for whole, part in zip(found[1:], estimator.fit(y[ok], truth[ok])[1:], strict=True):
                 whole[ok] = part
-        return found
+        return found._replace(failure=np.array(failure.tolist(), dtype=np.str_))  # no longer than needed
 
 
 def together(parts: Sequence[VirtualFits]) -> VirtualFits:

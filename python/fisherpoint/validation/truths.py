@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -68,12 +69,10 @@ class Rig:
         """
         runs = as_runs(points)
         count, n_runs, n_samples = len(theta), len(runs), int(runs.measured.sum())
-        noise = self.noise_std * rng.noise.standard_normal((count, n_samples, len(self.noise_std)))
-        model, true, common = self.model, np.repeat(theta, n_runs, axis=0), np.zeros((count, 0))
+        noise, common, anew = self.deviations(points, count, rng)
+        model, true = self.model, np.repeat(theta, n_runs, axis=0)
         if self.assumed is not None:
             assumed, model = self.assumed, self.assumed.model
-            common = assumed.nuisance_std * rng.constants.standard_normal((count, len(assumed.nuisance)))
-            anew = assumed.std * rng.anew.standard_normal((count * n_runs, len(assumed.columns)))
             true = assumed.theta(true)
             true[:, assumed.nuisance] += np.repeat(common, n_runs, axis=0)
             true[:, assumed.columns] += anew
@@ -87,6 +86,16 @@ class Rig:
         y = y[np.tile(runs.measured, (count, 1))]
         return y.reshape(count, n_samples, -1) + noise, first_failure(status.reshape(count, n_runs)), common
 
+    def deviations(self, points: Points, count: int, rng: Streams) -> tuple[Array, Array, Array]:
+        """Draw what deviates in the next experiments: noise (B, S, n_y), constants (B, q), and what is drawn anew in each run."""
+        runs = as_runs(points)
+        noise = self.noise_std * rng.noise.standard_normal((count, int(runs.measured.sum()), len(self.noise_std)))
+        if self.assumed is None:
+            return noise, np.zeros((count, 0)), np.zeros((count * len(runs), 0))
+        assumed = self.assumed
+        common = assumed.nuisance_std * rng.constants.standard_normal((count, len(assumed.nuisance)))
+        return noise, common, assumed.std * rng.anew.standard_normal((count * len(runs), len(assumed.columns)))
+
 
 @dataclass(frozen=True, eq=False)
 class Streams:
@@ -99,6 +108,19 @@ class Streams:
     @classmethod
     def of(cls, seed: int) -> Streams:
         return cls(*(np.random.default_rng([seed, stream]) for stream in (1, 2, 3)))
+
+    @property
+    def position(self) -> tuple[Mapping[str, Any], ...]:
+        """How far they are: a value, from which `at` goes on."""
+        return tuple(one.bit_generator.state for one in (self.noise, self.constants, self.anew))
+
+    @classmethod
+    def at(cls, position: Sequence[Mapping[str, Any]]) -> Streams:
+        """Random numbers that go on from a position."""
+        streams = cls.of(0)
+        for one, state in zip((streams.noise, streams.constants, streams.anew), position, strict=True):
+            one.bit_generator.state = state
+        return streams
 
 
 def truths_of(problem: DesignProblem, theta: str | Mapping[str, float], count: int, seed: int) -> tuple[Array, int]:

@@ -11,21 +11,18 @@ from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..design.compare.compare import named_designs
+from ..engine.workers import Distributor, Workers, distributed_over
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.runs import Points
-from ..points.settings import check_rtol, resolve_threads
+from ..points.settings import check_threads
 from ..points.status import NoTrajectory
 from ..show.progress import Progress, check_progress, following
 from .design_validation import DesignValidation
-from .fits import Estimator, VirtualExperiments, VirtualFits, together
+from .fits import RTOL, Estimator, VirtualExperiments, VirtualFits, together
+from .parts import PartWork, sizes_here, sizes_to_send
 from .result import Validation
-from .truths import Rig, Streams, truths_of
-
-SECONDS = 5.0
-"""Time that a part should take: the next is larger or smaller accordingly, by at most `GROWTH`. Fits take less together."""
-
-GROWTH = 8.0
+from .truths import Rig, truths_of
 
 MOST_RUNS = 10**6
 """Virtual experiments with each design, past which they count as a slip."""
@@ -42,8 +39,8 @@ def validate(
     truth: Model | None = None,
     noise: str = "known",
     use_prior: bool = False,
-    rtol: float = 1e-9,
     threads: int | None = None,
+    workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Validation:
     """Measure designs virtually many times, estimate the parameters each time, and compare with what the designs promise.
@@ -68,16 +65,18 @@ def validate(
         mean.
         Draws for which the model has no meaning, such as a negative mass, are left out and counted.
     seed : int
-        The same seed gives the same figures on any number of threads.
+        The same seed gives the same figures on any number of threads and workers.
     truth : Model, optional
         Makes the data instead of the problem's model, with its own constants: a model error.
     noise : {"known", "estimated"}
         Whether the fits know `noise_std`, or estimate it from their residuals as `estimate` does.
     use_prior : bool
         Whether the prior takes part in the fits (maximum a posteriori), and in the promise.
-    rtol : float
-        Tolerance of the fits' trajectories.
     threads : int, optional
+        Default: every core.
+    workers : int, Executor or Dask client, optional
+        Who computes parts of the virtual experiments (docs/how_to/workers.md): so many processes that are begun here and share the
+        threads, an executor of `concurrent.futures`, or a cluster. The figures are the same. Default: this process.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each part of
         the virtual experiments, of which the message counts those without a fit.
@@ -95,8 +94,7 @@ def validate(
     """
     check_type(problem, DesignProblem, "problem")
     named = named_designs(designs)
-    threads = resolve_threads(threads)
-    rtol = check_rtol(rtol)
+    threads = check_threads(threads)
     count, seed = check_positive_int(runs, "runs", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
     check_choice(noise, ("known", "estimated"), "noise")
     use_prior = check_flag(use_prior, "use_prior")
@@ -111,22 +109,25 @@ def validate(
     rig = Rig.of(problem, truth, std)
     without: dict[str, NoTrajectory] = {}
     estimators = {}
-    for name, points in named.items():
-        try:
-            estimators[name] = _estimator(name, problem, points, std, noise, use_prior, rtol, threads)
-        except NoTrajectory as error:
-            without[name] = error
-    if not estimators:
-        name, first = next(iter(without.items()))
-        raise ValueError(f"designs[{name!r}]: {first}") from first
-    experiments = {
-        name: VirtualExperiments(estimator, rig, named[name], Streams.of(seed), threads)
-        for name, estimator in estimators.items()
-        if estimator.promise.determined.any()
-    }
-    with following(progress, "virtual experiments") as report:
-        parts = _parts(experiments, thetas, begin, report)
-    made = count if not experiments else len(next(iter(parts.values())).truth)
+    with distributed_over(workers, threads) as distributor:
+        for name, points in named.items():
+            try:
+                estimators[name] = _estimator(name, problem, points, std, noise, use_prior, distributor.threads)
+            except NoTrajectory as error:
+                without[name] = error
+        if not estimators:
+            name, first = next(iter(without.items()))
+            raise ValueError(f"designs[{name!r}]: {first}") from first
+        work = PartWork(
+            {
+                name: VirtualExperiments(estimator, rig, named[name], distributor.threads)
+                for name, estimator in estimators.items()
+                if estimator.promise.determined.any()
+            }
+        )
+        with following(progress, "virtual experiments") as report:
+            fits = _fits(work, thetas, seed, distributor, begin, report) if work.experiments else {}
+    made = count if not fits else len(next(iter(fits.values())).truth)
     validations = {}
     for name, points in named.items():
         if name in without:
@@ -135,7 +136,7 @@ def validate(
             continue
         estimator = estimators[name]
         promised = dict(zip(estimator.parameters, estimator.promised_errors.tolist(), strict=True))
-        validations[name] = DesignValidation.of(points, promised, problem.prior.std, estimator.null_directions, parts.get(name))
+        validations[name] = DesignValidation.of(points, promised, problem.prior.std, estimator.null_directions, fits.get(name))
     described = theta if isinstance(theta, str) else FrozenMapping({key: float(value) for key, value in theta.items()})
     return Validation(
         problem,
@@ -160,50 +161,43 @@ def _estimator(
     std: dict[str, float],
     noise: str,
     use_prior: bool,
-    rtol: float,
     threads: int,
 ) -> Estimator:
     try:
-        return Estimator.of(problem, points, std, noise == "known", use_prior, rtol, threads)
+        return Estimator.of(problem, points, std, noise == "known", use_prior, RTOL, threads)
     except NoTrajectory:
         raise
     except ValueError as error:
         raise ValueError(f"designs[{name!r}]: {error}") from error
 
 
-def _parts(
-    experiments: Mapping[str, VirtualExperiments],
+def _fits(
+    work: PartWork,
     thetas: Array,
+    seed: int,
+    distributor: Distributor,
     begin: float,
     progress: Callable[[Progress], None] | None,
 ) -> dict[str, VirtualFits]:
     """The fits of every design, all of the same runs, also where Ctrl-C ends them early.
 
-    Parts of the runs are made with one design after the other. They become larger while that takes little time: together, fits take
-    less time, and progress is reported now and then. Which runs are made together does not change them.
+    Which runs are made together, and where, does not change them.
     """
-    done: dict[str, list[VirtualFits]] = {name: [] for name in experiments}
-    made, size, failed = 0, 1, 0  # Ctrl-C is to find something, however long a fit takes
-    most = min((one.estimator.at_once for one in experiments.values()), default=1)
+    done: list[dict[str, VirtualFits]] = []
+    made = failed = 0
+    sizes = sizes_here(work.most) if distributor.here else sizes_to_send(work.most, len(thetas))
     try:
-        while experiments and made < len(thetas):
-            size, start = min(size, most), perf_counter()
-            part = {name: one.run(thetas[made : made + size]) for name, one in experiments.items()}
-            for name, fits in part.items():
-                done[name].append(fits)
-            made = min(made + size, len(thetas))
-            failed += sum(int((fits.failure != "").sum()) for fits in part.values())
+        for fits in distributor.map(work, work.parts(thetas, seed, sizes), "part {} of the virtual experiments".format):
+            done.append(fits)
+            made += len(next(iter(fits.values())).truth)
+            failed += sum(int((of.failure != "").sum()) for of in fits.values())
             if progress is not None:
                 message = f"{failed} failed" if failed else ""
                 progress(Progress(made, len(thetas), None, message, perf_counter() - begin))
-            seconds = perf_counter() - start
-            size = max(1, int(size * min(GROWTH, max(1 / GROWTH, SECONDS / max(seconds, 1e-9)))))
     except KeyboardInterrupt:
-        least = min(map(len, done.values()))
-        if not least:
+        if not done:
             raise
-        done = {name: fits[:least] for name, fits in done.items()}
-    return {name: together(fits) for name, fits in done.items()}
+    return {name: together([fits[name] for fits in done]) for name in work.experiments}
 
 
 def _check_truth(truth: Model, model: Model) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,10 +14,11 @@ from ...basics.checks import as_positive, check_positive_int, check_type
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import FrozenMapping
+from ...engine.workers import Distributor, Workers, distributed_over
 from ...information.combinations import combinations
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
-from ...points.settings import resolve_threads
+from ...points.settings import check_threads
 from ...show.progress import Progress, check_progress, following
 from ..candidates.candidate_rows import CandidateRows
 from ..candidates.point_rows import PointRows, check_additive
@@ -27,13 +30,14 @@ from ..goal.goal_criterion import criterion_of, known_beforehand
 from ..goal.over_prior import OverPrior, Scenarios, moved_problems
 from ..points.auto_search import AutoSearch
 from ..points.random_climbs import Climbs
-from ..results.settings import ExchangeSettings
+from ..results.settings import MOST, ExchangeSettings
 from ..weights.weights import optimal_weights
 from .approximate_design import ApproximateDesign
+from .blocks import Blocks, drawn
 from .continuous import Refinement, refined
-from .tuning import RegionTuning
+from .tuning import BlockTuning, RegionTuning
 
-MOST_CANDIDATES = 10**6
+MOST_CANDIDATES = 10**9
 
 SAMPLE = 2000
 """Candidates that a design keeps for its pictures."""
@@ -51,6 +55,7 @@ def approximate_design(
     tolerance: float = 1e-6,
     seed: int = 0,
     threads: int | None = None,
+    workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> ApproximateDesign:
     """Find weights of points, and prove how near to the best weights they are.
@@ -72,7 +77,8 @@ def approximate_design(
     n_experiments : int, optional
         For `prior_information`, and where constants are uncertain: what is known beforehand counts once beside so many.
     n_candidates : int
-        Candidates that are drawn in the region first; those that are no points are left out.
+        Candidates that are drawn in the region first; those that are no points are left out. More than 65 536 are drawn, evaluated
+        and thinned in blocks, again until none of them would have a weight: memory does not bound their number.
     starts : int
         Places from which local ascents must find nothing.
     tolerance : float
@@ -80,6 +86,9 @@ def approximate_design(
     seed : int
     threads : int, optional
         Default: every core.
+    workers : int, Executor or Dask client, optional
+        Who searches for candidates, and looks at blocks of them (docs/how_to/workers.md). The weights are the same. Default: this
+        process.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` each time that
         something is done, with how many candidates are tried or weighed.
@@ -99,9 +108,9 @@ def approximate_design(
     check_additive(problem)
     goal = goal_of(goal, "approximate_design")
     criterion = criterion_of(problem, goal, threads)
-    starts = check_positive_int(starts, "starts", 1, MOST_CANDIDATES)
+    starts = check_positive_int(starts, "starts", 1, MOST["starts"])
     n_candidates = check_positive_int(n_candidates, "n_candidates", 1, MOST_CANDIDATES)
-    seed, threads = check_positive_int(seed, "seed", 0), resolve_threads(threads)
+    seed, threads = check_positive_int(seed, "seed", 0), check_threads(threads)
     tolerance = as_positive(tolerance, "tolerance")
     if not 1e-9 <= tolerance <= 0.1:
         raise ValueError(f"tolerance: expected a share between 1e-9 and 0.1, given {tolerance:g}")
@@ -116,7 +125,7 @@ def approximate_design(
     if scenarios is not None:
         there = [criterion_of(one, goal, threads) for one in scenarios.problems]
         criterion = Averaged(there, scenarios.average, [problem.n_unknowns] * len(there))
-    with following(progress, "approximate", counted=False) as callback:
+    with following(progress, "approximate", counted=False) as callback, distributed_over(workers, threads) as distributor:
 
         def report(doing: str, candidates: int) -> None:
             if callback is not None:
@@ -128,9 +137,9 @@ def approximate_design(
         rng = np.random.default_rng(seed)
         given, fast = candidates, problem.model.in_core  # of slow models few points are tried
         if given is None:
-            given = _drawn(problem, n_candidates, rng)
+            given = drawn(problem, min(n_candidates, BlockTuning().candidates), rng)
             if fast and goal.criterion != "c":
-                given = Experiments.join([given, *_searched(problem, seed, threads, scenarios, report)])
+                given = Experiments.join([given, *_searched(problem, seed, distributor, scenarios, report)])
         rows, places = source.valid(given)
         if not len(rows):
             refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
@@ -151,13 +160,23 @@ def approximate_design(
             raise ValueError(
                 f"candidates: expected some that determine {what}, given none with information on {open_text}, in prior std"
             )
-        left_out = FrozenMapping(dict(+source.rejected))
+        left_out = +source.rejected
         report("weighing", len(pool))
         weights = optimal_weights(pool, criterion, tolerance=tolerance, seed=seed, space=space)
-        found = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0)
+        found, tried = Refinement(points[weights.chosen], rows[weights.chosen], weights, len(rows), 0), 0
         if candidates is None:
             climb = Climbs(problem, rng, threads, elsewhere).run if fast else None
-            found = refined(source, points, pool, criterion, weights, starts, tolerance, rng, climb, report)
+            blocks = Blocks(source, elsewhere, seed, n_candidates, constant, distributor, report)
+            for _ in range(blocks.tuning.most_looks):
+                points, pool, weights = blocks.solved(points, pool, weights, criterion, space, tolerance)
+                found = refined(source, points, pool, criterion, weights, starts, tolerance, rng, climb, report)
+                above = max(tolerance, found.weights.largest - 1.0)  # other points leave room for other candidates
+                more, larger = blocks.joined(points, pool, found.weights, above) if blocks else (points, pool)
+                if larger is pool:
+                    break
+                points, pool = more, larger
+                weights = optimal_weights(pool, criterion, tolerance=tolerance, seed=seed, space=space)
+            left_out, tried = left_out + blocks.rejected, blocks.tried
     weights = found.weights
     tolerance, early = (
         (max(tolerance, RegionTuning().above), StopReason.max_iterations) if found.starts else (tolerance, StopReason.rounding)
@@ -179,10 +198,10 @@ def approximate_design(
         half=weights.half,
         estimable=space,
         null_directions=null,
-        n_candidates=found.n_candidates,
+        n_candidates=found.n_candidates + tried,
         starts=found.starts,
         sample=points[np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).astype(int)],
-        left_out=left_out,
+        left_out=FrozenMapping(dict(left_out)),
         deleted=weights.deleted,
         stop_reason=StopReason.converged if weights.largest <= 1 + tolerance else early,
         seconds=time.perf_counter() - started,
@@ -214,44 +233,54 @@ def _experiments(added: bool, n_experiments: int | None) -> int | None:
     return check_positive_int(n_experiments, "n_experiments")
 
 
+class _Searched(NamedTuple):
+    """Candidates that a search has found, and log det F of its design."""
+
+    candidates: list[Experiments]
+    log_det: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """A search for an exact design, which begins from a seed; `report` is called with how many candidates it has drawn."""
+
+    problem: DesignProblem
+    settings: ExchangeSettings
+    scenarios: Scenarios | None
+    threads: int
+    report: Callable[[int], None] | None
+
+    def __call__(self, seed: int) -> _Searched:
+        search, report = (
+            AutoSearch(self.problem, replace(self.settings, seed=seed), self.threads, scenarios=self.scenarios),
+            self.report,
+        )
+        if search.run(None if report is None else lambda _: report(search.source.drawn)) == StopReason.interrupted:
+            raise KeyboardInterrupt
+        found = []
+        seen = search.seen.best(search.best.information, None, RegionTuning().search_candidates)
+        if seen is not None:
+            found.append(seen.experiments)
+        if seen is None or self.scenarios is not None:  # the candidates are those of the mean, the design is for all scenarios
+            found.append(search.best.information.experiments)
+        return _Searched(found, search.best.log_det)
+
+
 def _searched(
-    problem: DesignProblem, seed: int, threads: int, scenarios: Scenarios | None, report: Callable[[str, int], None]
+    problem: DesignProblem, seed: int, distributor: Distributor, scenarios: Scenarios | None, report: Callable[[str, int], None]
 ) -> list[Experiments]:
     """The best candidates of searches for exact designs: they look on every scale near good points, where peaks may be narrow.
 
     For "c", whose optima are often singular, they say little; many close ones only hold up its weights.
     """
     p, found, best, tuning = len(problem.estimated), list[Experiments](), -np.inf, RegionTuning()
-    settings = ExchangeSettings(
-        n_experiments=p + tuning.points_beyond_parameters,
-        max_iterations=tuning.search_iterations,
-        seed=seed,
-    )
-    for k in range(tuning.searches):
-        search = AutoSearch(problem, replace(settings, seed=seed + k), threads, scenarios=scenarios)
-        if search.run(_tried(search, report)) == StopReason.interrupted:
-            raise KeyboardInterrupt
-        seen = search.seen.best(search.best.information, None, tuning.search_candidates)
-        if seen is not None:
-            found.append(seen.experiments)
-        if seen is None or scenarios is not None:  # the candidates are those of the prior mean, the design is for all scenarios
-            found.append(search.best.information.experiments)
-        before, best = best, max(best, search.best.log_det)
-        if abs(search.best.log_det - before) < tuning.agreement_per_parameter * p:
+    settings = ExchangeSettings(n_experiments=p + tuning.points_beyond_parameters, max_iterations=tuning.search_iterations)
+    work = _Search(problem, settings, scenarios, distributor.threads, partial(report, "searching") if distributor.here else None)
+    seeds = range(seed, seed + tuning.searches)
+    for searched in distributor.map(work, seeds, "search {}".format, ahead=1):
+        found += searched.candidates
+        before, best = best, max(best, searched.log_det)
+        if abs(searched.log_det - before) < tuning.agreement_per_parameter * p:
             break
+        report("searching", sum(map(len, found)))
     return found
-
-
-def _tried(search: AutoSearch, report: Callable[[str, int], None]) -> Callable[[Progress], None]:
-    return lambda _: report("searching", search.source.drawn)
-
-
-def _drawn(problem: DesignProblem, count: int, rng: np.random.Generator) -> Experiments:
-    """Points of the region, of every second some coordinates on its bounds, where optima often lie."""
-    region, model = problem.point_region, problem.model
-    table = region.draw(model, count, seed=rng, decades=True).table[:, : len(model.axes)].copy()
-    lower, upper = region.box(model)
-    on_bounds = rng.random(table.shape) < 0.5
-    on_bounds[::2] = False
-    table = np.where(on_bounds, np.where(rng.random(table.shape) < 0.5, lower, upper), table)
-    return Experiments.of_table(model, table)

@@ -100,3 +100,20 @@ class RegionTuning:
 
     ascent_least_gain: float = 1e-9
     """Relative gain below which an ascent has ended."""
+
+
+@dataclass(frozen=True)
+class BlockTuning:
+    """Candidates that are not in memory (blocks.py)."""
+
+    candidates: int = 1 << 16
+    """Number of candidates of a block; so many are in memory."""
+
+    kept: int = 200_000
+    """Maximum number of candidates above the level that all blocks send together."""
+
+    least_kept: int = 20
+    """Number of candidates that a block may send in any case."""
+
+    most_looks: int = 30
+    """Maximum number of times that all blocks are looked at."""

@@ -15,12 +15,13 @@ from ...basics.extras import needed_for
 from ...basics.field_checks import Choices, Extents
 from ...basics.result_files import Kept
 from ...basics.values import FrozenMapping
+from ...engine.workers import Workers, distributed_over
 from ...information.evaluate import evaluate
 from ...information.feasibility import Feasibility, feasibility
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
 from ...points.runs import Points, as_runs, points_of
-from ...points.settings import resolve_threads
+from ...points.settings import check_threads
 from ...points.status import NoTrajectory
 from ...show.display import Plots, Shown
 from ...show.numbers import computed, counted, number, percent
@@ -170,6 +171,7 @@ def compare(
     draws: int = 1000,
     seed: int = 0,
     threads: int | None = None,
+    workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> DesignComparison:
     """Compare designs by their information under the sensor noise, and by how many plants can run them.
@@ -183,6 +185,9 @@ def compare(
     draws, seed : int
         Of the plants on which they are tried (`feasibility`); the same for all designs.
     threads : int, optional
+        Default: every core.
+    workers : int, Executor or Dask client, optional
+        Who looks at the designs, one each at a time (docs/how_to/workers.md). The figures are the same. Default: this process.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` before each
         design, whose name is the message, and at the end.
@@ -201,42 +206,54 @@ def compare(
     check_progress(progress)
     if problem.noise_std is None:
         raise ValueError("noise_std: expected the sensor noise, as designs are compared by it, given None")
-    named, threads = named_designs(designs), resolve_threads(threads)
+    named, threads = named_designs(designs), check_threads(threads)
     draws, seed = check_positive_int(draws, "draws"), check_positive_int(seed, "seed", 0)
     started = perf_counter()
     found: dict[str, ComparedDesign] = {}
 
-    with following(progress, "comparing designs") as report:
-        for name, points in named.items():
+    with following(progress, "comparing designs") as report, distributed_over(workers, threads) as distributor:
+        work = _Comparison(problem, draws, seed, distributor.threads)
+        compared = distributor.map(work, named.items(), lambda k: f"designs[{list(named)[k]!r}]", ahead=1)
+        for name in named:
             if report is not None:
                 report(Progress(len(found), len(named), None, name, perf_counter() - started))
-            found[name] = _compared(problem, name, points, draws, seed, threads)
+            found[name] = next(compared)
         if report is not None:
             report(Progress(len(found), len(named), None, "", perf_counter() - started))
     return DesignComparison(problem, FrozenMapping(found))
 
 
-def _compared(problem: DesignProblem, name: str, points: Points, draws: int, seed: int, threads: int) -> ComparedDesign:
-    evaluation, without = None, ""
-    try:
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """What is computed of each design."""
+
+    problem: DesignProblem
+    draws: int
+    seed: int
+    threads: int
+
+    def __call__(self, named: tuple[str, Points]) -> ComparedDesign:
+        (name, points), problem = named, self.problem
+        evaluation, without = None, ""
         try:
-            evaluation = evaluate(problem, points, output_covariance="noise", threads=threads)
-        except NoTrajectory as error:
-            without = str(error)
-        able = feasibility(problem, points, draws=draws, seed=seed, threads=threads)
-    except ValueError as error:
-        raise ValueError(f"designs[{name!r}]: {error}") from error
-    p, samples = len(problem.estimated), int(as_runs(points).measured.sum())
-    return ComparedDesign(
-        kind=points.kind,
-        count=len(points),
-        samples=samples,
-        duration=float(points.dt.sum()),
-        log_det=-np.inf if evaluation is None else float(evaluation.log_det + p * np.log(samples / 2)),
-        standard_errors=None if evaluation is None else evaluation.standard_errors,
-        feasibility=able,
-        without=without,
-    )
+            try:
+                evaluation = evaluate(problem, points, output_covariance="noise", threads=self.threads)
+            except NoTrajectory as error:
+                without = str(error)
+            able = feasibility(problem, points, draws=self.draws, seed=self.seed, threads=self.threads)
+        except ValueError as error:
+            raise ValueError(f"designs[{name!r}]: {error}") from error
+        p, samples = len(problem.estimated), int(as_runs(points).measured.sum())
+        return ComparedDesign(
+            kind=points.kind,
+            count=len(points),
+            samples=samples,
+            duration=float(points.dt.sum()),
+            log_det=-np.inf if evaluation is None else float(evaluation.log_det + p * np.log(samples / 2)),
+            standard_errors=None if evaluation is None else evaluation.standard_errors,
+            feasibility=able,
+            without=without,
+        )
 
 
 def named_designs(given: Any) -> dict[str, Points]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,15 @@ class AutoSearch(PoolSearch):
         super().__post_init__()
         self._rounds = self._all_rounds()
         self._enough: Incumbent | None = None  # the best design that the required share of plants can run
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A search that travels has ended: what it would do next stays behind."""
+        return vars(self) | {"_rounds": iter(())}
+
+    @property
+    def for_enough_plants(self) -> bool:
+        """Whether as many plants as are required can run the design, of those that were tried."""
+        return self.away is None or self._enough is not None
 
     def _advance(self, iteration: int) -> bool | None:
         before = self.best

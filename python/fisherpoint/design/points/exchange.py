@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from ...basics.checks import check_type
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
+from ...engine.workers import Distributor, Workers, check_workers, distributed_over
 from ...information.candidates import surviving
 from ...information.evaluation import Evaluation
 from ...information.nuisance import beside_nuisance
@@ -25,7 +27,7 @@ from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ...points.runs import as_runs, points_of
-from ...points.settings import resolve_threads
+from ...points.settings import check_threads, resolve_threads
 from ...points.status import Status, failures_of
 from ...show.progress import Progress, check_progress, following
 from ..goal.estimability import determined, refuse_open
@@ -38,6 +40,7 @@ from ..results.settings import ExchangeMethod, ExchangeSettings, check_goal, met
 from .auto_search import AutoSearch
 from .exchange_search import ExchangeSearch
 from .point_search import PointSearch
+from .starts import best_of_starts
 
 
 @with_options
@@ -52,8 +55,8 @@ def exchange(
     n_candidates: int = 50,
     max_iterations: int | None = None,
     seed: int = 0,
-    time_limit: float | None = None,
     threads: int | None = None,
+    workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Design:
     """Find the design with the largest det F, or the best by another goal, by exchanging points for candidates.
@@ -84,19 +87,22 @@ def exchange(
     max_iterations : int, optional
         Default: 800, and 200 where the search is that of the paper.
     seed : int
-        The same seed gives the same design, for any number of threads.
-    time_limit : float, optional
-        Stop after so many seconds.
+        The same seed gives the same design, for any number of threads and workers.
     threads : int, optional
         Default: every core.
+    workers : int, Executor or Dask client, optional
+        Who does the starts of the `method`, one each at a time (docs/how_to/workers.md). The design is the same. Default: this
+        process.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each
-        iteration; its value is the log det, or the log of the criterion, of the best design so far.
+        iteration, or of several starts after each of them; its value
+        is the log det, or the log of the criterion, of the best design so far.
 
     Returns
     -------
     Design
-        Ctrl-C during the search returns the best design so far, with stop_reason "interrupted".
+        Ctrl-C during the search returns the best design so far, with stop_reason "interrupted"; of starts that workers do, the best
+        of those that have ended without a gap.
 
     Raises
     ------
@@ -114,9 +120,8 @@ def exchange(
         n_candidates=n_candidates,
         max_iterations=most_iterations(max_iterations, method, problem),
         seed=seed,
-        time_limit=time_limit,
     )
-    *_, found = designs(problem, settings, previous=previous, keep=keep, threads=threads, progress=progress)
+    *_, found = designs(problem, settings, previous=previous, keep=keep, threads=threads, workers=workers, progress=progress)
     return found
 
 
@@ -127,12 +132,26 @@ def designs(
     previous: Previous | None = None,
     keep: Experiments | FoundDesign | None = None,
     threads: int | None = None,
+    workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Iterator[Design]:
     """Yield the design as soon as it is found, and at last with what it is compared with; arguments are as of `exchange`."""
     check_goal(settings, problem)
     check_progress(progress)
-    threads = resolve_threads(threads)
+    check_workers(workers)
+    with distributed_over(workers if settings.method.starts > 1 else None, check_threads(threads)) as distributor:
+        yield from _designs(problem, settings, previous, keep, resolve_threads(threads), distributor, progress)
+
+
+def _designs(
+    problem: DesignProblem,
+    settings: ExchangeSettings,
+    previous: Previous | None,
+    keep: Experiments | FoundDesign | None,
+    threads: int,
+    distributor: Distributor,
+    progress: bool | Callable[[Progress], None] | None,
+) -> Iterator[Design]:
     known, left_out = previous_information(problem, previous, threads)
     kept = scenarios = None
     if keep is not None:
@@ -140,8 +159,8 @@ def designs(
     if settings.goal.over is not None:
         scenarios = scenarios_of(problem, settings, previous, keep, known, threads)
     with following(progress, "iteration", "drawing the first points") as report:
-        search = _search(problem, settings, threads, known, kept, scenarios)
-        stop_reason = search.run(report)
+        make = partial(_search, problem, previous=known, kept=kept, scenarios=scenarios)
+        search, stop_reason = best_of_starts(make, settings, threads, distributor, report)
         interrupted = stop_reason == StopReason.interrupted
         if not interrupted:
             check_determined(search)
@@ -248,7 +267,7 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
     if not too_few or not settings.goal.of_all:
         own, over = search.best.information, search.scenarios
         bound = seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over)
-    start = search.count, settings.seed, search.threads, search.previous, settings.time_limit
+    start = search.count, settings.seed, search.threads, search.previous, settings.method.time_limit
     total = search.count + (0 if search.previous is None else len(search.previous))
     random = random_designs(problem, *start, lambda fisher: criterion.objective(fisher + 2 / total * search.of_prior))
     return efficiency_of(

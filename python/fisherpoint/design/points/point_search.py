@@ -57,7 +57,8 @@ class PointSearch:
     trace: list[TraceRecord] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._started = time.perf_counter()
+        self.started = time.perf_counter()
+        self.ends: tuple[float, ...] = ()  # what each of several starts came to
         over = self.scenarios
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
         self.unrestricted: tuple[Criterion, ...] = tuple(map(self._criterion, self.over.problems))
@@ -148,11 +149,12 @@ class PointSearch:
         raise NotImplementedError
 
     def _late(self) -> bool:
-        return self.settings.time_limit is not None and self.seconds >= self.settings.time_limit
+        limit = self.settings.method.time_limit
+        return limit is not None and self.seconds >= limit
 
     @property
     def seconds(self) -> float:
-        return time.perf_counter() - self._started
+        return time.perf_counter() - self.started
 
     def _record(self, iteration: int, exchanged: bool) -> None:
         self.trace.append(TraceRecord(iteration, self.best.log_det, bool(exchanged), self.source.drawn, self.seconds))
@@ -236,7 +238,24 @@ class PointSearch:
             scenarios=self._scenario_values(),
             not_estimable=() if self.space is None else not_estimable(self.problem, self.space),
             ridge=self.ridge,
+            ends=self.ends or (self.best.log_det,),
+            again=self._again,
         )
+
+    @property
+    def worth(self) -> tuple[bool, int, float]:
+        """What searches are compared by: whether enough plants can run the design, how much it determines, and the criterion."""
+        return self.for_enough_plants, self.criteria[0].level, self.best.log_det
+
+    @property
+    def for_enough_plants(self) -> bool:
+        """Whether as many plants as are required can run the design, of those that were tried."""
+        return True
+
+    @property
+    def _again(self) -> int:
+        least = self.best.log_det - self.tuning.agreement_per_parameter * self.criteria[0].level
+        return max(1, sum(end >= least for end in self.ends))
 
     def _scenario_values(self) -> ScenarioValues | None:
         if self.scenarios is None:

@@ -70,6 +70,10 @@ class FoundDesign(EvaluatedPoints):
     not_estimable : tuple of mappings of parameter name to float
         Where F is singular: combinations of standardised parameters that no point of the region was found to have information
         on. Where these are fewer than the `Evaluation.null_directions`, more or other points determine more.
+    ends : tuple of float
+        What each of the starts came to, in their order, as `log_det` of a `TraceRecord`; fewer where Ctrl-C ended them.
+    again : int
+        How many of them are as good as the best one.
     ridge : float
         Share of the prior's information that was added to F while designs of the search were singular, to compare them; 0 where
         none were. No figure of the design contains it.
@@ -89,6 +93,8 @@ class FoundDesign(EvaluatedPoints):
     scenarios: ScenarioValues | None = None
     not_estimable: tuple[Mapping[str, float], ...] = ()
     ridge: float = 0.0
+    ends: tuple[float, ...] = ()
+    again: int = 1
 
     _EXTENTS: ClassVar[Extents] = {
         "points.x0": ("settings.n_experiments", "problem.model.states"),

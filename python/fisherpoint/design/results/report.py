@@ -265,13 +265,14 @@ def _search(design: FoundDesign) -> Section:
     last = design.trace[-1].iteration if design.trace else 0
     limits = {
         StopReason.patience: f": {counted(settings.method.patience or 0, 'iteration')}",
-        StopReason.time_limit: f" of {settings.time_limit or 0:g} s",
+        StopReason.time_limit: f" of {settings.method.time_limit or 0:g} s",
     }
     rate = f" ({design.drawn / design.seconds:.0f} per second)" if design.seconds > 0 else ""
     method = searched_by(settings.method.name, problem)
     each = f", {settings.n_candidates} per iteration" if method == "paper" else ""
     facts = [
         ("method", _METHOD[method]),
+        *([("starts", f"as good in {design.again} of {len(design.ends)}")] if len(design.ends) > 1 else []),
         ("stopped by", design.stop_reason.words + limits.get(design.stop_reason, "")),
         ("iterations", f"{last} of at most {settings.max_iterations}, {counted(exchanges, 'exchange')}"),
         (

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
+
+import numpy as np
 
 from ...basics.checks import (
     as_float,
@@ -23,7 +26,14 @@ METHODS = ("paper", "auto")
 
 MOST_ITERATIONS = {"paper": 200, "auto": 800}
 """Iterations of a search by its method, where no other number is given; "auto" ends earlier where nothing gains any more."""
-MOST = {"n_experiments": 10**6, "n_candidates": 10**6, "max_iterations": 10**9, "patience": 10**9, "max_redraws": 10**6}
+MOST = {
+    "starts": 10**6,
+    "n_experiments": 10**6,
+    "n_candidates": 10**6,
+    "max_iterations": 10**9,
+    "patience": 10**9,
+    "max_redraws": 10**6,
+}
 MOST_OF_RUNS = {"n_runs": 1000, "n_starts": 10_000, "n_candidates": 10**6}
 
 SEED = Key(int, "Seed of the search; the same seed gives the same design, whatever the number of threads.", least=0)
@@ -34,6 +44,11 @@ TIME_LIMIT = Key(
 
 def in_seconds(value: float) -> str:
     return f"{number(value)} s"
+
+
+def _check_time(settings: ExchangeMethod | RunSettings) -> None:
+    if settings.time_limit is not None:
+        object.__setattr__(settings, "time_limit", as_positive(settings.time_limit, "time_limit", "number of seconds"))
 
 
 @dataclass(frozen=True)
@@ -47,8 +62,13 @@ class ExchangeMethod(Options):
         iteration 12 or 24 n_candidates near the points, and moves all numbers together. It ends as "converged" where nothing gains
         any more. "paper" is Algorithm 1 with local candidates: a fraction of the time, and designs that are not as good. Where D is
         "pooled" or "pointwise", and for models of Python functions that cannot be translated, "auto" is "paper".
+    starts : int
+        Whole searches, the first with the given seed and the others with seeds that follow from it. The best counts; the candidates
+        of all bound it, and the report says how many came to one as good. More starts repeat those of fewer.
     patience : int, optional
         Stop after so many iterations in a row without an exchange.
+    time_limit : float, optional
+        Stop a search after so many seconds. Of a sweep, for all sizes.
     references : bool
         Also find what the design is compared with (`Efficiency`).
     max_redraws : int
@@ -64,11 +84,22 @@ class ExchangeMethod(Options):
 
     name: str = option("auto", "method of the search")
     _: KW_ONLY
+    starts: int = option(
+        1,
+        "starts",
+        Key(
+            int,
+            "Number of [whole searches](../how_to/workers.md#many-starts), of which the best counts.",
+            least=1,
+            most=MOST["starts"],
+        ),
+    )
     patience: int | None = option(
         None,
         "ends after iterations without an exchange",
         Key(int, "Stop after this many iterations without an exchange.", least=1, most=MOST["patience"]),
     )
+    time_limit: float | None = option(None, "time limit", TIME_LIMIT, shown=in_seconds)
     references: bool = option(True, "compared with random designs and bounds")
     max_redraws: int = option(1, "further draws where no candidate helps, at most")
     screen: bool = option(True, "candidates are ordered by a cheaper rule first")
@@ -88,6 +119,8 @@ class ExchangeMethod(Options):
         check_choice(self.name, METHODS, "method")
         if self.patience is not None:
             set_field(self, "patience", check_positive_int(self.patience, "patience", most=MOST["patience"]))
+        set_field(self, "starts", check_positive_int(self.starts, "starts", most=MOST["starts"]))
+        _check_time(self)
         set_field(self, "references", check_flag(self.references, "references"))
         set_field(self, "max_redraws", check_positive_int(self.max_redraws, "max_redraws", 0, MOST["max_redraws"]))
         set_field(self, "screen", check_flag(self.screen, "screen"))
@@ -147,7 +180,6 @@ class ExchangeSettings:
         ),
     )
     seed: int = option(0, "seed", SEED, always=True)
-    time_limit: float | None = option(None, "time limit", TIME_LIMIT, shown=in_seconds)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -157,7 +189,7 @@ class ExchangeSettings:
             set_field(self, "max_iterations", MOST_ITERATIONS[self.method.name])
         for name, least in (("n_experiments", 1), ("n_candidates", 1), ("max_iterations", 0)):
             set_field(self, name, check_positive_int(getattr(self, name), name, least, MOST[name]))
-        _check_seed_and_time(self)
+        set_field(self, "seed", check_positive_int(self.seed, "seed", 0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,19 +216,23 @@ class RunSettings:
     CONFIDENCE: ClassVar[float] = 0.99
     """Confidence where a goal has none."""
 
+    RACING: ClassVar[int] = 12
+    """Starts that race with each other; more are several searches."""
+
     def __post_init__(self) -> None:
         set_field = object.__setattr__
         check_type(self.goal, Goal, "goal")
         set_field(self, "goal", with_default_confidence(self.goal, self.CONFIDENCE))
         for name, most in MOST_OF_RUNS.items():
             set_field(self, name, check_positive_int(getattr(self, name), name, most=most))
-        _check_seed_and_time(self)
+        set_field(self, "seed", check_positive_int(self.seed, "seed", 0))
+        _check_time(self)
 
 
-def _check_seed_and_time(settings: ExchangeSettings | RunSettings) -> None:
-    object.__setattr__(settings, "seed", check_positive_int(settings.seed, "seed", 0))
-    if settings.time_limit is not None:
-        object.__setattr__(settings, "time_limit", as_positive(settings.time_limit, "time_limit", "number of seconds"))
+def seeds_of(seed: int, starts: int) -> Sequence[int]:
+    """The seeds of so many searches: the given one, and those that follow from it; they differ from each other by spawning."""
+    others = np.random.SeedSequence(seed).spawn(starts - 1)
+    return [seed, *(int.from_bytes(other.generate_state(4).tobytes(), "little") for other in others)]
 
 
 def searched_by(method: str, problem: DesignProblem) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from ...basics.messages import listed, stacklevel_of_user
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
+from ...engine.workers import Workers, check_workers, distributed_over
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_beside
 from ...information.feasibility import Feasibility, feasibility_within
@@ -23,7 +25,7 @@ from ...information.problem import DesignProblem
 from ...information.run_information import checked_problem, information_matrices, information_of
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
-from ...points.settings import resolve_threads
+from ...points.settings import check_threads, resolve_threads
 from ...show.progress import Progress, check_progress, following
 from ..goal.estimable_space import RIDGE
 from ..goal.goal import Goal, goal_of
@@ -35,6 +37,7 @@ from ..results.scenario_values import scenario_values
 from ..results.settings import RunSettings
 from .run_clock import Clock
 from .run_design import RunDesign
+from .run_groups import RunGroup, best_of_groups
 from .run_references import ClassicalRuns
 from .run_search import RunSearch
 
@@ -52,6 +55,7 @@ def design_runs(
     seed: int = 0,
     time_limit: float | None = None,
     threads: int | None = None,
+    workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> RunDesign:
     """Find the runs with the largest det F, or the best by another criterion, that enough of the prior's plants can run.
@@ -75,16 +79,21 @@ def design_runs(
         Runs that the design must have, such as those that were chosen by hand, or those of a design to be enlarged. They are its
         first, stay as they are, and count among the `n_runs`; they need not be of the region.
     n_starts : int
-        How often the search begins anew, from random runs or classical ones; the problem has many local maxima.
+        How often the search begins anew, from random runs or classical ones; the problem has many local maxima. More than twelve
+        are whole searches of up to twelve starts, with seeds that follow from the given one, of which the best counts.
     n_candidates : int
         Random runs to begin with.
     seed : int
-        The same seed gives the same design to the last bit, on any machine and with any number of threads, unless a time limit
-        ends the search.
+        The same seed gives the same design to the last bit, on any machine and with any number of threads and workers, unless a
+        time limit ends the search.
     time_limit : float, optional
-        Seconds after which the search returns what it has, a safety net. The work is set by `n_starts` and `n_candidates`.
+        Seconds after which the search returns what it has, a safety net; of workers, each
+        search. The work is set by `n_starts` and `n_candidates`.
     threads : int, optional
         Default: every core.
+    workers : int, Executor or Dask client, optional
+        Who searches from groups of starts, one each at a time (docs/how_to/workers.md): up to twelve starts are one group. The
+        runs are the same. Default: this process.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each turn of a
         start, with how many have begun; its value is the log det of the best runs so far.
@@ -115,7 +124,8 @@ def design_runs(
     goal = settings.goal
     check_progress(progress)
     clock = Clock(settings.time_limit)
-    threads = resolve_threads(threads)
+    check_workers(workers)
+    given_threads, threads = check_threads(threads), resolve_threads(threads)
     problems, average = ((problem,), Average.of_all(1)) if goal.over is None else moved_problems(problem, goal.over)
     theta = np.array([moved.theta for moved in problems])
     known, left_out = previous_information(problem, previous, threads)
@@ -132,7 +142,7 @@ def design_runs(
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     there = there + known_beforehand(problem, goal)
     with following(progress, "start", "drawing the first runs") as report:
-        search = RunSearch(
+        group = RunGroup(
             problem,
             region,
             settings,
@@ -140,14 +150,12 @@ def design_runs(
             average,
             there,
             [criterion_of(moved, goal, threads) for moved in problems],
-            threads=threads,
-            clock=clock,
-            kept=kept,
+            kept,
+            threads,
+            partial(_check_pool, goal.requires_all),
         )
-        if goal.requires_all and search.pool.singular:
-            advice = "measure other outputs, estimate fewer parameters, or widen the region"
-            _refuse("no run has information on", search.pool.open, advice)
-        stop_reason = search.run(report)
+        with distributed_over(workers if settings.n_starts > settings.RACING else None, given_threads) as distributor:
+            search, stop_reason = best_of_groups(group, distributor, clock, threads, report)
         if goal.criterion != "D" and not np.isfinite(search.best.value):
             raise ValueError(
                 f"n_runs: expected enough runs to determine criterion {goal.criterion!r}, given {settings.n_runs}: the search "
@@ -187,6 +195,12 @@ def design_runs(
         n_kept=0 if kept is None else len(kept),
         ridge=RIDGE if search.singular else 0.0,
     )
+
+
+def _check_pool(requires_all: bool, search: RunSearch) -> None:
+    if requires_all and search.pool.singular:
+        advice = "measure other outputs, estimate fewer parameters, or widen the region"
+        _refuse("no run has information on", search.pool.open, advice)
 
 
 def _with_kept(kept: Runs | None, runs: Runs) -> Runs:

@@ -48,7 +48,7 @@ class RunGuard:
         self, plants: RunPlants, confidence: float | None, kept: Runs | None, clock: Clock, tuning: RunSearchTuning
     ) -> None:
         self._tuning = tuning
-        self._plants, self._clock = plants, clock
+        self._plants, self.clock = plants, clock
         self._able = np.ones(len(plants), dtype=bool) if kept is None else plants.can_run(kept)
         may = 1.0 if confidence is None else 1.0 - confidence
         # The largest q with q + sigmas sqrt(q (1 - q) / DRAWS) <= may, the end of Wilson's interval.
@@ -58,7 +58,7 @@ class RunGuard:
 
     def share(self, runs: Runs) -> float:
         """The share of the plants that can run a design; of the first of them, where too few of these can."""
-        tuning, began = self._tuning, self._clock.seconds
+        tuning, began = self._tuning, self.clock.seconds
         each = max(1, min(tuning.plants_at_once, tuning.most_guard_segments // runs.dt.size))
         able = tried = 0
         for first in range(0, len(self._plants), each):
@@ -67,9 +67,9 @@ class RunGuard:
             able, tried = able + int(one.sum()), tried + len(one)
             lost = 1 - able / tried
             hopeless = any(tried >= count and lost > times * max(self.most, 1 / count) for count, times in tuning.hopeless)
-            if hopeless or self._clock.late() or self._clock.over():
+            if hopeless or self.clock.late() or self.clock.over():
                 break
-        self._clock.reserve = max(self._clock.reserve, tuning.reserved_time * DRAWS * (self._clock.seconds - began) / tried)
+        self.clock.reserve = max(self.clock.reserve, tuning.reserved_time * DRAWS * (self.clock.seconds - began) / tried)
         return able / tried
 
     def each(self, runs: Runs) -> Array:

@@ -103,6 +103,7 @@ class RunSearch:
         of_search = RunPlants(problem, tuning.plants, np.random.default_rng([self.seed, 1]), self._settings)
         self.guard = RunGuard(of_search, self._share_of_plants, kept, clock, tuning)
         self._climbs: list[Climb] = []
+        self._other_ends: list[ReachedRuns] = []
         self.classical: dict[str, ReachedRuns] = {}
         self._found: list[ReachedRuns] = []
         most = tuning.most_pool_segments // (region.segments * len(plants))
@@ -122,9 +123,25 @@ class RunSearch:
         return max(self._found, key=lambda found: found.worth)
 
     @property
+    def worth(self) -> tuple[bool, tuple[bool, bool, float]]:
+        """What searches are compared by."""
+        return not self.singular, self.best.worth
+
+    def include(self, other: RunSearch) -> None:
+        """Count what another search has drawn, and the ends of its starts."""
+        self._other_ends += other.ends
+        self.pool.drawn += other.pool.drawn
+        self.pool.rejected.update(other.pool.rejected)
+
+    def go_on_here(self, seed: int, clock: Clock, threads: int) -> None:
+        """Go on in this process, and with another seed for what is tried at the end."""
+        self.seed, self.clock, self.threads = seed, clock, threads
+        self.objective.clock = self.guard.clock = clock
+
+    @property
     def ends(self) -> list[ReachedRuns]:
-        """The best runs of each start."""
-        return [one.best for one in self._climbs if one.best is not None]
+        """The best runs of each start, also of other searches that were included."""
+        return [*(one.best for one in self._climbs if one.best is not None), *self._other_ends]
 
     @property
     def again(self) -> int:

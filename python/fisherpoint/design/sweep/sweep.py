@@ -16,12 +16,13 @@ from ...basics.extras import needed_for
 from ...basics.options import with_options
 from ...basics.result_files import Kept
 from ...basics.stop_reason import StopReason
+from ...engine.workers import Workers, check_workers, distributed_over
 from ...information.evaluation import Evaluation
 from ...information.point_information import PointInformation
 from ...information.previous import Previous, previous_information
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
-from ...points.settings import resolve_threads
+from ...points.settings import check_threads, resolve_threads
 from ...show.display import Plots, Shown
 from ...show.progress import Progress, check_progress, following
 from ...show.section import Report, Section
@@ -32,7 +33,8 @@ from ..goal.goal_criterion import known_beforehand
 from ..points.candidate_archive import CandidateArchive
 from ..points.exchange import check_determined, scenarios_of
 from ..points.point_search import PointSearch
-from ..points.size_search import sized_searches
+from ..points.size_search import SizedSearches
+from ..points.starts import best_of_starts
 from ..results.cost import Cost
 from ..results.settings import MOST, ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations
 from .sweep_record import SizedDesign, SweptDesigns, log_det_of
@@ -101,8 +103,8 @@ def sweep(
     n_candidates: int = 50,
     max_iterations: int | None = None,
     seed: int = 0,
-    time_limit: float | None = None,
     threads: int | None = None,
+    workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> Sweep:
     """Find designs of several sizes, each from the last one and the candidates of all before.
@@ -117,10 +119,11 @@ def sweep(
         As for :func:`fisherpoint.exchange`, for each size; without `confidence`.
     cost : Cost, optional
         What the designs are charged with. It does not change the designs: each is the best that was found of its size.
-    method, previous, n_candidates, max_iterations, seed, threads
+    method : {"auto", "paper"} or ExchangeMethod
+        As for :func:`fisherpoint.exchange`, for each size: also its `starts`. Its `time_limit` is that of all sizes: the sweep then
+        has the sizes that are done and the best design so far of the next one.
+    previous, n_candidates, max_iterations, seed, threads, workers
         As for :func:`fisherpoint.exchange`, for each size.
-    time_limit : float, optional
-        Stop after so many seconds, with the sizes that are done then and the best design so far of the next one.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each iteration:
         the sizes that are done, and the log det of the best design so far of the next one.
@@ -143,7 +146,8 @@ def sweep(
         check_type(cost, Cost, "cost")
         cost.check(problem.model)
     check_progress(progress)
-    sizes, threads = _sizes(n_experiments), resolve_threads(threads)
+    check_workers(workers)
+    sizes, given_threads, threads = _sizes(n_experiments), check_threads(threads), resolve_threads(threads)
     goal, method = goal_of(goal, "sweep"), method_of(method)
     settings = ExchangeSettings(
         n_experiments=sizes[0],
@@ -152,25 +156,29 @@ def sweep(
         n_candidates=n_candidates,
         max_iterations=most_iterations(max_iterations, method, problem),
         seed=seed,
-        time_limit=time_limit,
     )
     check_goal(settings, problem)
     known, _ = previous_information(problem, previous, threads)
     scenarios = None if goal.over is None else scenarios_of(problem, settings, previous, None, known, threads)
     of_prior = known_beforehand(problem, goal)
     seen = CandidateArchive(problem, threads, of_prior=of_prior)
+    searches = SizedSearches(problem, known, seen, scenarios)
     found: list[_Found] = []
     space, ridge, criteria = None, 0.0, seen.criteria
     search: PointSearch | None = None
     stop_reason = StopReason.completed
     try:
-        with following(progress, "sizes", "drawing the first points") as report:
-            for search in sized_searches(problem, settings, sizes, threads, known, seen, scenarios):
-                size = search.settings.n_experiments
-                if time_limit is not None:  # what is left of it
-                    left = time_limit - (time.perf_counter() - started - search.seconds)
-                    search.settings = replace(search.settings, time_limit=max(left, NO_TIME))
-                ended = search.run(None if report is None else partial(_report, report, search, len(found), len(sizes), started))
+        with (
+            following(progress, "sizes", "drawing the first points") as report,
+            distributed_over(workers if method.starts > 1 else None, given_threads) as distributor,
+        ):
+            for size in sizes:
+                of_size, limit = replace(settings, n_experiments=size), method.time_limit
+                if limit is not None:  # what is left of it
+                    left = max(limit - (time.perf_counter() - started), NO_TIME)
+                    of_size = replace(of_size, method=replace(method, time_limit=left))
+                begun = None if report is None else partial(_report, report, size, len(found), len(sizes), started)
+                search, ended = best_of_starts(searches.make(of_size), of_size, threads, distributor, begun)
                 if ended == StopReason.interrupted:
                     raise KeyboardInterrupt
                 check_determined(search)
@@ -184,6 +192,7 @@ def sweep(
                 seen.criteria = (search.at_mean,)  # candidates for the next size are chosen by it, at the mean too
                 ridge = max(ridge, search.ridge)
                 found.append(one)
+                searches.last = search
                 if ended == StopReason.time_limit:
                     stop_reason = StopReason.time_limit
                     break
@@ -223,11 +232,9 @@ def sweep(
     )
 
 
-def _report(report: Callable[[Progress], None], search: PointSearch, done: int, sizes: int, started: float, _: Progress) -> None:
+def _report(report: Callable[[Progress], None], size: int, done: int, sizes: int, started: float, now: Progress) -> None:
     """Report the search for one size as a part of all."""
-    value = search.best.log_det
-    message = f"{search.settings.n_experiments} points, log det {value:.3f}"
-    report(Progress(done, sizes, value, message, time.perf_counter() - started))
+    report(Progress(done, sizes, now.value, f"{size} points, log det {now.value:.3f}", time.perf_counter() - started))
 
 
 class _Found(NamedTuple):
