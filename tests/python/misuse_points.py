@@ -111,6 +111,7 @@ def point_cases() -> dict[str, Case]:
             model=of_model,
             columns=({"h": "h", "u": "u", "dt": "dt", "y": "y_y"}, NONE, MAP),
         ),
+        "Measurements.from_csv": case(fp.Measurements.from_csv, path=(files() / "data.csv", TEXT, PATH), model=of_model),
         "Measurements.to_csv": case(lambda model: data().to_csv(files() / "out.csv", model), model=of_model),
         "Measurements of runs": case(fp.Measurements, points=(runs(), POINTS), y=([[0.1, 0.2, 0.3]] * 3, ARRAY)),
         "run_data[]": case(lambda index: run_data()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
@@ -134,6 +135,9 @@ def point_cases() -> dict[str, Case]:
             model=of_model,
             columns=({"t": "t", "u": "u", "y": "y_y", "x0_h": "x0_h"}, NONE, MAP),
             x0=({"h": 1.0}, MAP, NONE),
+        ),
+        "Record.from_csv": case(
+            fp.Record.from_csv, path=(files() / "record.csv", TEXT, PATH), model=of_model, x0=({"h": 1.0}, MAP, NONE)
         ),
         "Record.from_table, columns": case(
             lambda t: fp.Record.from_table({"t": t, "u": [0.5, 0.1, 0.2], "y": [1.0, 0.9, 0.8]}, model()),

@@ -106,3 +106,15 @@ def test_every_function_that_takes_options_names_them() -> None:
                     field = {"name": "patience"}.get(field, field)
                     with pytest.raises(TypeError, match=rf"^{field}: expected as {argument}=fp\.{kind.__name__}\("):
                         function(**{field: None})
+
+
+def test_starts_and_time_limit_may_be_given_directly() -> None:
+    problem = fp.DesignProblem(MODEL, PROBLEM.prior, fp.ExperimentRegion({"u": (0.0, 1.0)}), noise_std={"y": 1.0})
+    direct = fp.exchange(problem, 2, method="paper", max_iterations=3, starts=2, time_limit=60.0)
+    inside = fp.exchange(problem, 2, method=fp.ExchangeMethod("paper", starts=2, time_limit=60.0), max_iterations=3)
+    assert direct.settings == inside.settings and direct.points == inside.points
+    for name in ("exchange", "sweep"):
+        with pytest.raises(ValueError, match="starts: expected a whole number of at least 1, given 0"):
+            SEARCHES[name](starts=0)
+        with pytest.raises(ValueError, match="time_limit: expected a positive number of seconds, given -1"):
+            SEARCHES[name](time_limit=-1)

@@ -145,7 +145,7 @@ LIMITS: dict[Callable[[], int], int] = {
     json_functions: 2,
     long_signatures: 0,
     shared_class_names: 0,
-    dialect: 2,
+    dialect: 4,  # of the method `Campaign.tell`
     hanging_docstrings: 0,
     search_constants: 77,
 }

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields
 from functools import wraps
-from inspect import signature
+from inspect import Parameter, signature
 from typing import Any, ParamSpec, TypeVar, get_args, get_type_hints
 
 P = ParamSpec("P")
@@ -108,12 +108,17 @@ def with_options(function: Callable[P, R]) -> Callable[P, R]:
 
     Those are arguments with a class of options in their type, as `goal: str | Goal`.
     """
-    known = set(signature(function).parameters)
+    parameters = signature(function).parameters
+    known = {name for name, one in parameters.items() if one.kind is not Parameter.VAR_KEYWORD}
+    further = [name for name in parameters if name not in known]  # at most one, whose type has the names
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-        if not known.issuperset(kwargs):
-            refuse_misplaced([name for name in kwargs if name not in known], function, f"fp.{function.__name__}")
+        if unknown := [name for name in kwargs if name not in known]:
+            allowed = {name for one in further for name in get_args(get_type_hints(function)[one])[0].__annotations__}
+            if misplaced := [name for name in unknown if name not in allowed]:
+                refuse_misplaced(misplaced, function, f"fp.{function.__name__}")
+                raise TypeError(f"{function.__name__}() got an unexpected keyword argument {misplaced[0]!r}")
         return function(*args, **kwargs)
 
     return checked

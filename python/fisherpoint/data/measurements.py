@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import as_index, as_parts, check_alike, check_type
+from ..basics.checks import as_index, as_parts, as_path, check_alike, check_type
 from ..basics.files import write_whole
 from ..basics.table import as_table
 from ..basics.values import Array
@@ -139,6 +139,11 @@ class Measurements(InNotebooks):
         """
         check_type(model, Model, "model")
         return Measurements(*read_measurements(as_table(table, columns), model))
+
+    @classmethod
+    def from_csv(cls, path: str | Path, model: Model) -> Measurements:
+        """Read what `to_csv` wrote: `from_table` of a file with the names of the model."""
+        return cls.from_table(as_path(path, "path"), model)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Measurements) and self.points == other.points and np.array_equal(self.y, other.y, equal_nan=True)

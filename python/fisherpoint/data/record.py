@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_float, as_index, by_name, check_known, check_type
+from ..basics.checks import as_float, as_index, as_path, by_name, check_known, check_type
 from ..basics.csv_file import csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
@@ -170,6 +170,11 @@ class Record(InNotebooks):
             raise ValueError(f"{table.path}: {error}") from error
         record.check(model)
         return record
+
+    @classmethod
+    def from_csv(cls, path: str | Path, model: Model, *, x0: Mapping[str, float] | None = None) -> Record:
+        """Read what `to_csv` wrote: `from_table` of a file with the names of the model."""
+        return cls.from_table(as_path(path, "path"), model, x0=x0)
 
     @classmethod
     def merged(

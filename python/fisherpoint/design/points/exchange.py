@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Unpack
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from ..goal.over_prior import Scenarios, moved_problems
 from ..results.design import Design
 from ..results.efficiency import Efficiency, efficiency_of, median_of, random_designs
 from ..results.found_design import FoundDesign
-from ..results.settings import ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations, searched_by
+from ..results.settings import ExchangeMethod, ExchangeSettings, SearchLimits, check_goal, method_of, most_iterations, searched_by
 from .auto_search import AutoSearch
 from .exchange_search import ExchangeSearch
 from .point_search import PointSearch
@@ -58,6 +59,7 @@ def exchange(
     threads: int | None = None,
     workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
+    **limits: Unpack[SearchLimits],
 ) -> Design:
     """Find the design with the largest det F, or the best by another goal, by exchanging points for candidates.
 
@@ -95,8 +97,10 @@ def exchange(
         process.
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each
-        iteration, or of several starts after each of them; its value
-        is the log det, or the log of the criterion, of the best design so far.
+        iteration, or of several starts after each of them; its value is the log det, or the log of the criterion, of the best
+        design so far.
+    **limits
+        ``starts`` and ``time_limit`` of the `method`, as in ``exchange(problem, starts=8, time_limit=60)``.
 
     Returns
     -------
@@ -112,7 +116,7 @@ def exchange(
         ``singular="error"``.
     """
     check_type(problem, DesignProblem, "problem")
-    method = method_of(method)
+    method = method_of(method, **limits)
     settings = ExchangeSettings(
         n_experiments=n_experiments,
         goal=goal_of(goal),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
-from typing import ClassVar
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import ClassVar, TypedDict, Unpack
 
 import numpy as np
 
@@ -129,13 +129,20 @@ class ExchangeMethod(Options):
             raise ValueError(f"local: expected a share between 0 and 1, given {self.local:g}")
 
 
-def method_of(given: str | ExchangeMethod) -> ExchangeMethod:
-    """Return the method that a search is given: a text is its name."""
+class SearchLimits(TypedDict, total=False):
+    """Options of a method that a search takes as its own arguments too."""
+
+    starts: int
+    time_limit: float | None
+
+
+def method_of(given: str | ExchangeMethod, **limits: Unpack[SearchLimits]) -> ExchangeMethod:
+    """Return the method that a search is given, with its limits: a text is its name."""
     if isinstance(given, str):
-        return ExchangeMethod(given)
+        return ExchangeMethod(given, **limits)
     if not isinstance(given, ExchangeMethod):
         raise TypeError(f"method: expected 'paper', 'auto' or an ExchangeMethod, given {type(given).__name__}")
-    return given
+    return replace(given, **limits)
 
 
 @dataclass(frozen=True, kw_only=True)

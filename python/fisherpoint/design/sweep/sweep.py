@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from ..points.point_search import PointSearch
 from ..points.size_search import SizedSearches
 from ..points.starts import best_of_starts
 from ..results.cost import Cost
-from ..results.settings import MOST, ExchangeMethod, ExchangeSettings, check_goal, method_of, most_iterations
+from ..results.settings import MOST, ExchangeMethod, ExchangeSettings, SearchLimits, check_goal, method_of, most_iterations
 from .sweep_record import SizedDesign, SweptDesigns, log_det_of
 from .sweep_report import sweep_report
 
@@ -106,6 +106,7 @@ def sweep(
     threads: int | None = None,
     workers: Workers | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
+    **limits: Unpack[SearchLimits],
 ) -> Sweep:
     """Find designs of several sizes, each from the last one and the candidates of all before.
 
@@ -127,6 +128,8 @@ def sweep(
     progress : bool or callable, optional
         True shows a bar, on the terminal and in notebooks; needs rich. A function is called with a `Progress` after each iteration:
         the sizes that are done, and the log det of the best design so far of the next one.
+    **limits
+        ``starts`` and ``time_limit`` of the `method`.
 
     Returns
     -------
@@ -148,7 +151,7 @@ def sweep(
     check_progress(progress)
     check_workers(workers)
     sizes, given_threads, threads = _sizes(n_experiments), check_threads(threads), resolve_threads(threads)
-    goal, method = goal_of(goal, "sweep"), method_of(method)
+    goal, method = goal_of(goal, "sweep"), method_of(method, **limits)
     settings = ExchangeSettings(
         n_experiments=sizes[0],
         goal=goal,
