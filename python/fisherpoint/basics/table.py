@@ -82,7 +82,8 @@ class DataTable:
         self.units: dict[str, str | None] = dict(zip(self.names, units, strict=True))
         self._columns: dict[str, Column] = dict(zip(self.names, taken, strict=True))
         self._named, self._decimal_comma = named is not None, False
-        left_out = [head for k, head in enumerate(read.heads) if head and k not in read.places]
+        places = frozenset(read.places)
+        left_out = [head for k, head in enumerate(read.heads) if head and k not in places]
         if left_out:
             warnings.warn(f"{self.path}: left out what is not named: {listed(left_out)}", stacklevel=stacklevel_of_user())
 
