@@ -89,8 +89,8 @@ def shared_class_names() -> int:
 
 
 def dialect() -> int:
-    """Lines with tell, tells, told or asked."""
-    words = re.compile(r"\b(tell|tells|told|asked)\b", re.IGNORECASE)
+    """Lines with tell, tells, told or asked, but for the method `Campaign.tell`."""
+    words = re.compile(r"\b(tell(?!\()|tells|told|asked)\b", re.IGNORECASE)
     return sum(bool(words.search(line)) for path in modules() for line in path.read_text().splitlines())
 
 
@@ -145,7 +145,7 @@ LIMITS: dict[Callable[[], int], int] = {
     json_functions: 2,
     long_signatures: 0,
     shared_class_names: 0,
-    dialect: 4,  # of the method `Campaign.tell`
+    dialect: 0,
     hanging_docstrings: 0,
     search_constants: 77,
 }
