@@ -14,8 +14,8 @@ from typing import Annotated
 import typer
 
 import fisherpoint as fp
+from fisherpoint.basics.interrupts import WorkersLost
 from fisherpoint.basics.standard_input import hold_standard_input
-from fisherpoint.engine.workers import WorkersLost
 
 from .argv import ARGUMENTS, is_quiet
 from .browse import browse

@@ -12,8 +12,6 @@ import typer
 
 import fisherpoint as fp
 from fisherpoint.basics.extras import needed_for
-from fisherpoint.data.measurement_files import measurements_csv
-from fisherpoint.show.numbers import counted
 
 from .frame import Frame, Outcome, Task
 from .importing import importing
@@ -29,6 +27,9 @@ if TYPE_CHECKING:
 
 def measured(problem: fp.DesignProblem, points: fp.Experiments | fp.Runs, seed: int) -> tuple[str, str]:
     """The text of a file of measurements, and in a line what was done."""
+    from fisherpoint.data.measurement_files import measurements_csv
+    from fisherpoint.show.numbers import counted
+
     starts = problem.initial_state_std
     rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise_std or {}, initial_state_std=starts, seed=seed)
     data = rig.measure(points)

@@ -156,7 +156,7 @@ def test_only_chosen_parameters_are_estimated(problem: fp.DesignProblem) -> None
         (
             {"time_limit": 1.0},
             TypeError,
-            "settings: expected names of goal, method, .* given 'time_limit'",
+            "time_limit: expected as method=fp.ExchangeMethod",
         ),
         ({"n_candidates": 0}, ValueError, "n_candidates: expected"),
         ({"n_candidates": 10**9}, ValueError, "n_candidates: expected a whole number of at most 1000000, given 1000000000"),

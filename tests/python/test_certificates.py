@@ -96,7 +96,7 @@ def test_the_certificate_of_a_region_fails_where_the_support_is_kept_from_the_be
     """Candidates within |x| <= 1/2, to which nothing may be added: D-efficiency 1/4, and the ascents tell so."""
     monkeypatch.setattr(continuous._Refining, "add_new", lambda self, z, value: False)
     monkeypatch.setattr(continuous._Refining, "merged", lambda self, tolerance: _own(self))
-    monkeypatch.setattr("fisherpoint.design.approximate.approximate._drawn", lambda *_: at(*np.linspace(-0.5, 0.5, 21)))
+    monkeypatch.setattr("fisherpoint.design.approximate.approximate.drawn", lambda *_: at(*np.linspace(-0.5, 0.5, 21)))
     monkeypatch.setattr("fisherpoint.design.approximate.approximate._searched", lambda *_: [])
     design = fp.approximate_design(problem(), starts=100)
     assert np.abs(design.points.u).max() <= 0.5

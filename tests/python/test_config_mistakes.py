@@ -194,7 +194,7 @@ MISTAKES = {
         "[design]",
         "[desing]",
         "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, varies, initial_state_std, "
-        "region, runs, rule, goal, design, cost, campaign "
+        "region, runs, rule, goal, design, cost, campaign, data "
         '(did you mean "design"?)',
     ),
 }

@@ -299,8 +299,8 @@ def test_measured_points_are_points(tmp_path: Path) -> None:
 
 
 def test_a_csv_of_bytes_is_one_clear_error(tmp_path: Path) -> None:
-    (tmp_path / "points.csv").write_bytes(b"\xff\xfe\x00q,v")
-    with pytest.raises(ValueError, match=r"points\.csv: expected a CSV text file"):
+    (tmp_path / "points.csv").write_bytes(b"\x00\x01\x81q,v")
+    with pytest.raises(ValueError, match=r"points\.csv: expected a table as text, given bytes that are not text: "):
         fp.Experiments.from_csv(tmp_path / "points.csv", MODEL)
 
 

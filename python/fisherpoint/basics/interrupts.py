@@ -1,4 +1,4 @@
-"""Work that Ctrl-C must not fall into, as other libraries leave it half done or swallow the exception."""
+"""Work that is broken off: what Ctrl-C must not fall into, as other libraries leave it half done, and workers that are lost."""
 
 from __future__ import annotations
 
@@ -25,3 +25,7 @@ def interrupts_wait() -> Iterator[None]:
         signal.signal(signal.SIGINT, heard)
         if came:
             heard(*came[-1])
+
+
+class WorkersLost(RuntimeError):
+    """Raised where processes end again and again with the same piece, and where somebody else's executor breaks."""

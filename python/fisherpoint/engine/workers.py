@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 from ..basics.checks import check_positive_int
-from ..basics.interrupts import interrupts_wait
+from ..basics.interrupts import WorkersLost, interrupts_wait
 from ..basics.messages import printable
 from .arithmetic import Arithmetic, arithmetic
 
@@ -49,10 +49,6 @@ DEATHS = 2
 
 COUNTED_EVERY = 2.0
 """Seconds after which the workers of a cluster, which come and go, are counted again."""
-
-
-class WorkersLost(RuntimeError):
-    """Raised where processes end again and again with the same piece, and where somebody else's executor breaks."""
 
 
 class _Sent(NamedTuple):
