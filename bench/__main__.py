@@ -11,7 +11,7 @@
 ``python -m bench approximate`` finds optimal weights of a million candidates;
 ``python -m bench exact`` finds the best designs of given candidates with their proofs;
 ``python -m bench packs`` for what the core's packs could be made of;
-``python -m bench cost`` counts instructions and cache misses per trajectory, and exits with 1 where they grew by 3 %;
+``python -m bench cost`` counts instructions and cache misses per trajectory, and exits with 1 where they grew;
 ``python -m bench table FILE`` prints what they wrote with ``--json`` as Markdown.
 """
 

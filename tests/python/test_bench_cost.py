@@ -13,15 +13,22 @@ def changed(kind: str, event: str, count: float, compiler: str = "g++ 12.3.0") -
     return cost.Cost(compiler, BEFORE.counts | {kind: BEFORE.counts[kind] | {event: count}})
 
 
-@pytest.mark.parametrize("event", ["instructions", "I1 misses"])
 @pytest.mark.parametrize(
-    ("count", "passed", "word"),
-    [(1000, True, ""), (1029, True, ""), (1031, False, "dearer: simulate ({})."), (969, True, "cheaper: simulate ({}).")],
+    ("kind", "event", "limit"), [("simulate", "instructions", 30), ("simulate", "I1 misses", 200), ("runs", "data reads", 200)]
 )
-def test_three_per_cent_are_tolerated(event: str, count: int, passed: bool, word: str) -> None:
-    lines, found = cost.verdict(changed("simulate", event, count), BEFORE)
+@pytest.mark.parametrize(
+    ("beyond", "passed", "word"), [(-1000, True, ""), (-1, True, ""), (1, False, "Dearer than is tolerated: {} ({}).")]
+)
+def test_growth_is_tolerated_up_to_a_limit(kind: str, event: str, limit: int, beyond: int, passed: bool, word: str) -> None:
+    count, word = 1000 + max(0, limit + beyond), word.format(kind, event)
+    lines, found = cost.verdict(changed(kind, event, count), BEFORE)
     assert found == passed
-    assert [word.format(event) in line for line in lines] == [True] * bool(word)
+    assert [word in line for line in lines] == [True] * bool(word)
+
+
+def test_what_has_become_cheaper_is_to_be_recorded() -> None:
+    lines, passed = cost.verdict(changed("rows", "instructions", 969), BEFORE)
+    assert passed and lines == ["Much cheaper: rows (instructions). Keep it: python -m bench cost --record."]
 
 
 def test_a_few_misses_more_are_none() -> None:
