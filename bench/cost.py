@@ -26,7 +26,7 @@ EVENTS = {"Ir": "instructions", "Dr": "data reads", "Dw": "data writes", "I1mr":
 """What is counted, by callgrind's names."""
 CACHES = ("--cache-sim=yes", "--I1=32768,8,64", "--D1=32768,8,64", "--LL=8388608,16,64")
 TOLERATED, LOOSELY = 0.03, 0.2
-"""Growth that is tolerated: the larger one of misses, which depend on the linker, and of runs, which a thread leaves by the clock."""
+"""Growth that is tolerated: the larger of misses, which depend on the linker, and of runs, which a thread leaves by the clock."""
 FEW = 5.0
 """Misses per trajectory by which a count may grow in any case: of few, a share says nothing."""
 
