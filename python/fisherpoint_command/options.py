@@ -33,7 +33,7 @@ Workers = Annotated[
 ]
 Seed = Annotated[int | None, typer.Option(min=0, metavar="N", help="Overrides the value in the file.")]
 Starts = Annotated[
-    int | None, typer.Option(min=1, max=10**6, metavar="N", help="Whole searches, of which the best counts; overrides the file.")
+    int | None, typer.Option(min=1, max=10**6, metavar="N", help="Whole searches; the best one counts; overrides the file.")
 ]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Draw no pictures.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a result that is in the directory.")]

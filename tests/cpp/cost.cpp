@@ -129,20 +129,20 @@ std::size_t covariances(const Batch& batch, const PriorNodes& nodes) {
   return count * nodes.size();
 }
 
-enum class Asked { states, columns, rows };
+enum class Result { states, columns, rows };
 
-std::size_t trajectories(const Batch& batch, Asked asked) {
+std::size_t trajectories(const Batch& batch, Result result) {
   const std::size_t count = batch.dt.size();
   std::vector<double> x(5 * count), y(4 * count), lasted(count), dx(45 * count), dy(36 * count);
   std::vector<Status> status(count);
   const Parameters parameters{cylinder_theta.data(), false};
   counted([&] {
-    if (asked == Asked::states)
+    if (result == Result::states)
       simulate(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
                {x.data(), y.data(), status.data(), lasted.data()});
     else
       sensitivities(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
-                    {x.data(), y.data(), asked == Asked::columns ? dx.data() : nullptr, dy.data(), status.data()});
+                    {x.data(), y.data(), result == Result::columns ? dx.data() : nullptr, dy.data(), status.data()});
   });
   return count;
 }
@@ -177,10 +177,10 @@ int main(int argc, char** argv) {
   std::size_t done = 0;
   if (kind == "tensor") done = covariances(candidates(), tensor());
   if (kind == "sparse") done = covariances(candidates(), sparse());
-  if (kind == "simulate") done = trajectories(spread(400), Asked::states);
-  if (kind == "columns") done = trajectories(spread(400), Asked::columns);
-  if (kind == "rows") done = trajectories(spread(400), Asked::rows);
-  if (kind == "search" && argc == 3) done = trajectories(of_file(argv[2]), Asked::rows);
+  if (kind == "simulate") done = trajectories(spread(400), Result::states);
+  if (kind == "columns") done = trajectories(spread(400), Result::columns);
+  if (kind == "rows") done = trajectories(spread(400), Result::rows);
+  if (kind == "search" && argc == 3) done = trajectories(of_file(argv[2]), Result::rows);
   if (kind == "runs") done = runs();
   if (done == 0) {
     std::fputs("expected tensor, sparse, simulate, columns, rows, search and a file, or runs, and candidates that survive\n",

@@ -186,9 +186,9 @@ def test_a_loggers_file_is_refused(tmp_path: Path, content: str | bytes, columns
 
 
 def test_what_is_left_out_is_listed(tmp_path: Path) -> None:
-    with pytest.warns(UserWarning, match=r"log\.csv: left out what is not named: Nr, Temp °C$") as told:
+    with pytest.warns(UserWarning, match=r"log\.csv: left out what is not named: Nr, Temp °C$") as caught:
         read(tmp_path, "Nr,Zeit,Spannung,Temp °C,Pegel,\n1,0,1,20,0.5,\n", COLUMNS)
-    assert told[0].filename == __file__
+    assert caught[0].filename == __file__
 
 
 def test_a_nanosecond_is_kept(tmp_path: Path) -> None:

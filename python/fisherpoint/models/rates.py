@@ -1,4 +1,4 @@
-"""The rates of a model's states at the start as outputs of a model without states, of which a rest is a root."""
+"""The rates of a model's states at the start, as outputs of a model without states: at rest they are zero."""
 
 from __future__ import annotations
 

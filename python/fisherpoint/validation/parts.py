@@ -1,4 +1,4 @@
-"""Virtual experiments in parts, each of which is a value: where it begins, its true parameters, and how far random numbers are."""
+"""Parts of the virtual experiments, as values: where each begins, its true parameters, and how far random numbers are."""
 
 from __future__ import annotations
 

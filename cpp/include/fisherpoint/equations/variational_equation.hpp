@@ -13,7 +13,7 @@
 namespace fisherpoint {
 
 // The entries of f_x and f_theta that S' needs: f_x row by row, f_theta column by column and behind it a zero, which columns of
-// one pattern read in the place of entries that are not their own.
+// one pattern read where they have no entry.
 template <class M, class P>
 struct Jacobian {
   Jacobian() {}  // not set to anything: it is always fitted first, and written

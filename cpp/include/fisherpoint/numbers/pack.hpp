@@ -252,7 +252,7 @@ struct Pack {
   }
 };
 
-// The same number, of which the compiler does not know the value: it stays in its register, and is not loaded for each use.
+// The same number, whose value the compiler does not know: it stays in its register, and is not loaded for each use.
 template <int W>
 [[gnu::always_inline]] inline Pack<W> in_register(Pack<W> a) {
 #if defined(__x86_64__)

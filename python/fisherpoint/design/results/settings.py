@@ -89,7 +89,7 @@ class ExchangeMethod(Options):
         "starts",
         Key(
             int,
-            "Number of [whole searches](../how_to/workers.md#many-starts), of which the best counts.",
+            "Number of [whole searches](../how_to/workers.md#many-starts); the best one counts.",
             least=1,
             most=MOST["starts"],
         ),

@@ -80,7 +80,7 @@ def design_runs(
         first, stay as they are, and count among the `n_runs`; they need not be of the region.
     n_starts : int
         How often the search begins anew, from random runs or classical ones; the problem has many local maxima. More than twelve
-        are whole searches of up to twelve starts, with seeds that follow from the given one, of which the best counts.
+        are whole searches of up to twelve starts, with seeds that follow from the given one; the best one counts.
     n_candidates : int
         Random runs to begin with.
     seed : int

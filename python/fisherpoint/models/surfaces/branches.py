@@ -223,7 +223,7 @@ class Branches:
 
 
 def _zero_branch(value: Any) -> tuple[Any, Select] | None:
-    """A product as the rest and a factor that is a branch of which one part is zero; None where it has none."""
+    """Split a product into a branch with a part that is zero, and the other factors; None where it has no such branch."""
     factors = sympy.Mul.make_args(value)
     for place, factor in enumerate(factors):
         if isinstance(factor, Select) and any(part == 0 for part in factor.args[1:]):
