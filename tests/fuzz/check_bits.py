@@ -23,6 +23,7 @@ from room import by_own_rounding, output_room, output_undecided, slope_room
 
 Numbers = dict[str, Floats]
 RTOL, SAME = 1e-6, 1e-10  # of what is computed, and what rounding may do between instruction sets
+SMALL = 1e-3  # share of a state or output per share of a parameter
 EXACT = 1e-10  # the tolerance of what both are compared with
 WORST = 10.0  # times the tolerance and what a model magnifies: the worst of many trajectories (checks.py)
 
@@ -196,12 +197,15 @@ def units_of(bench: Bench, numbers: Numbers) -> Numbers:
     """What differences are measured by."""
     tiny, sizes = 1e-290, bench.case.sizes
     x, y, dx, dy = (numbers[name] for name in ("x", "y", "dx", "dy"))
-    columns = np.max(np.abs(dx) / sizes[:, None], axis=(0, 1), initial=0.0)  # (p,), of all points: some decay to nothing
+    largest_theta = np.abs(bench.theta).max(axis=0, initial=0.0)
+    relative = SMALL / np.where(largest_theta > 0, largest_theta, 1.0)  # (p,): what has decayed below this share is rounding
+    columns = np.max(np.abs(dx) / sizes[:, None], axis=(0, 1), initial=0.0) + relative  # (p,), of all points: some decay to nothing
+    largest = np.abs(y).max(axis=0, initial=0.0)
     units = {
         "x": np.abs(x) + sizes,
-        "y": np.broadcast_to(np.abs(y).max(axis=0, initial=0.0), y.shape) + tiny,
+        "y": np.broadcast_to(largest, y.shape) + tiny,
         "dx": np.broadcast_to(sizes[:, None] * columns, dx.shape) + tiny,
-        "dy": np.broadcast_to(np.abs(dy).max(axis=(0, 1), initial=0.0), dy.shape) + tiny,
+        "dy": np.abs(dy).max(axis=(0, 1), initial=0.0) + largest[:, None] * relative + np.zeros(dy.shape) + tiny,
     }
     if "covariance" in numbers:
         spread = np.sqrt(np.maximum(np.diagonal(numbers["covariance"], axis1=1, axis2=2), 0.0))

@@ -152,3 +152,58 @@ def test_sensitivities_that_rounding_has_eaten_are_not_ok(quiet: None) -> None:
         done.append(fp.sensitivities(model, fp.Experiments([[1.1]], [[]], [dt]), [0.85]))
     assert [fp.Status(one.status[0]).name for one in done] == ["ok", "step_limit"]
     assert done[1].dy_dtheta[0, 0, 0] == 0 and np.isfinite(done[1].y).all()
+
+
+BESIDE_AN_EDGE = {
+    "jump, the value above": (lambda b: np.where(b >= 0.5, 3 * b, 0.0), 3.0),
+    "jump, the value below, of complex numbers": (lambda b: np.where(b > 0.5, 3 * b, 1.0), 0.0),
+    "jump, the value below": (lambda b: np.heaviside(b - 0.5, 0.0) + b * b, 1.0),
+    "a small jump": (lambda b: 1e3 + 1e-3 * np.heaviside(b - 0.5, 0.0), 0.0),
+    "floor": (lambda b: np.floor(2 * b) + b, 1.0),
+    "infinite slope above": (lambda b: b + np.where(b > 0.5, np.sqrt(np.abs(b - 0.5)), 0.0), 1.0),
+    "no value below": (lambda b: np.sqrt(b - 0.5) ** 3 + b, 1.0),
+    "square, complex": (lambda b: (b - 0.5) * (b - 0.5), 0.0),
+    "square": (lambda b: (b - 0.5) ** 2, 0.0),
+    "cube": (lambda b: np.abs(b - 0.5) ** 3, 0.0),
+    "sine": (lambda b: np.sin(np.real(b) - 0.5), 1.0),
+    "corner": (lambda b: np.abs(b - 0.5), 0.0),
+}
+NO_DERIVATIVE = {
+    "root": lambda b: np.sqrt(b - 0.5),
+    "real root": lambda b: np.sqrt(np.maximum(b - 0.5, 0)) - np.sqrt(np.maximum(0.5 - b, 0)),
+    "sign": lambda b: np.sign(b - 0.5),
+    "one point": lambda b: np.where(b == 0.5, 1.0, 0.0),
+}
+
+
+def model_of(edge: Any, where: str) -> tuple[fp.CallableModel, fp.Experiments]:
+    """The function of a parameter of a model without states, or of a state that does not move and starts off by a parameter."""
+    if where == "a parameter":
+        return fp.CallableModel(None, lambda x, u, p: [edge(p.b) + p.a], None, {}, {"a": "1", "b": "1"}), fp.Experiments(
+            [[]], [[]], [1.0]
+        )
+    if where == "a rate":
+        model = fp.CallableModel(
+            lambda x, u, p: [edge(p.b) + 0 * x.z], lambda x, u, p: [x.z + p.a], {"z": "1"}, {}, {"a": "1", "b": "1"}
+        )
+        return model, fp.Experiments([[0.0]], [[]], [1.0])
+    model = fp.CallableModel(
+        lambda x, u, p: [0 * x.z], lambda x, u, p: [edge(x.z + p.b) + p.a], {"z": "1"}, {}, {"a": "1", "b": "1"}
+    )
+    return model, fp.Experiments([[0.0]], [[]], [1.0])
+
+
+@pytest.mark.parametrize("where", ["a parameter", "a rate", "a state and a parameter"])
+@pytest.mark.parametrize("edge, expected", BESIDE_AN_EDGE.values(), ids=BESIDE_AN_EDGE)
+def test_derivative_beside_a_jump_is_that_of_the_side_of_the_value(quiet: None, edge: Any, expected: float, where: str) -> None:
+    model, point = model_of(edge, where)
+    done = fp.sensitivities(model, point, [0.7, 0.5])
+    assert done.status[0] == 0
+    np.testing.assert_allclose(done.dy_dtheta[0, 0], [1.0, expected], rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("where", ["a parameter", "a rate", "a state and a parameter"])
+@pytest.mark.parametrize("edge", NO_DERIVATIVE.values(), ids=NO_DERIVATIVE)
+def test_function_without_a_derivative_is_not_ok(quiet: None, edge: Any, where: str) -> None:
+    model, point = model_of(edge, where)
+    assert fp.sensitivities(model, point, [0.7, 0.5]).status[0] == fp.Status.not_finite

@@ -12,12 +12,20 @@ from numpy.typing import NDArray
 from ...basics.values import Array
 
 Rows = NDArray[Any]
+Values = Callable[[Rows, NDArray[np.int64]], Rows]
+"""A function's rows at steps along directions, by the directions' numbers."""
 
-COMPLEX_STEP = 1e-60
+COMPLEX_STEP, LONGER_STEP = 1e-60, 1e-50
 DIFFERENCE = float(np.finfo(np.float64).eps) ** (1 / 3)
 
 SMALL = 1e-3
 """Size of a sensitivity, as a share of the state's natural size, below which what it loses is absolute."""
+
+SMOOTH, STEEP = 1e-8, 1e-3
+"""Shares of a function's size: what a second difference and a first one are below where nothing is looked at."""
+
+SHORTER, GROWTH, ROUNDINGS = 8.0, 1.1, 100.0
+"""By what a step is shortened where a function is looked at, and by what a chord and its rounding may grow with that."""
 
 OTHERS = 32
 """States at random at which a function is tried with complex numbers."""
@@ -45,24 +53,72 @@ def tangents(
     scale : ndarray, (n_x,)
         Natural sizes of x. They, or x itself where it is larger, bound the steps of differences.
     by_complex_step : bool
+
+    Notes
+    -----
+    Where a function that is differentiated by differences jumps, has an infinite slope, or has no value on one side, the derivative
+    is that of the other side; at a corner it is the mean of both. Where neither side has one, or a complex step does not find the
+    same twice, it is NaN.
     """
-    p = len(theta)
-    along_x, along_theta = directions.T, np.diag(size)
-    if by_complex_step:
-        factors: Rows = np.array([0.0, *[1j * COMPLEX_STEP] * p])
-        rows = [0, *range(p)]
-    else:
-        step = steps(x, directions, scale)
-        factors = np.concatenate([[0.0], step, -step])
-        rows = [0, *range(p), *range(p)]
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
-        at_x, at_theta = x + factors[:, None] * along_x[rows], theta + factors[:, None] * along_theta[rows]
-    values = function(at_x, np.broadcast_to(u, (len(rows), len(u))), at_theta)
+
+    def values(factors: Rows, columns: NDArray[np.int64]) -> Rows:
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            at_x, at_theta = x + factors[:, None] * directions.T[columns], theta + factors[:, None] * np.diag(size)[columns]
+        return function(at_x, np.broadcast_to(u, (len(columns), len(u))), at_theta)
+
     with np.errstate(over="ignore", invalid="ignore"):  # both values of a difference may be infinite
         if by_complex_step:
-            return np.real(values[0]), np.imag(values[1:]).T / COMPLEX_STEP
-        values = np.real(values)
-        return values[0], ((values[1 : p + 1] - values[p + 1 :]) / (2 * step)[:, None]).T
+            return _complex_steps(values, len(theta))
+        return _differences(values, steps(x, directions, scale))
+
+
+def _complex_steps(values: Values, p: int) -> tuple[Array, Array]:
+    """Derivatives by complex step; NaN where one that is large beside the value grows as the step gets shorter: it is infinite.
+
+    NumPy orders complex numbers by their imaginary part where the real ones are equal, so a step may be on the other side of a jump
+    than the value; the opposite step is not.
+    """
+    found = values(np.array([0.0, *[1j * COMPLEX_STEP] * p]), np.array([0, *range(p)]))
+    value, slopes = np.real(found[0]), np.imag(found[1:]) / COMPLEX_STEP
+    beside = np.abs(np.real(found[1:]) - value) > SMOOTH * np.abs(value) + LONGER_STEP * (1 + np.abs(slopes))
+    doubtful = np.flatnonzero((beside | (np.abs(slopes) > np.abs(value) / STEEP)).any(axis=1))
+    for k in doubtful.tolist():
+        both = values(1j * np.array([LONGER_STEP, -LONGER_STEP]), np.array([k, k]))
+        longer, opposite = np.imag(both) / [[LONGER_STEP], [-LONGER_STEP]]
+        jumped = np.abs(np.real(both[1]) - value) > SMOOTH * np.abs(value) + LONGER_STEP * (1 + np.abs(opposite))
+        slopes[k] = np.where(beside[k], np.where(jumped, np.nan, opposite), slopes[k])
+        slopes[k] = np.where(~beside[k] & (np.abs(slopes[k]) > GROWTH * np.abs(longer)), np.nan, slopes[k])
+    return value, slopes.T
+
+
+def _differences(values: Values, step: Array) -> tuple[Array, Array]:
+    """Derivatives by central differences; where these are not those of a smooth function, shorter steps show what it is."""
+    p = len(step)
+    found = np.real(values(np.concatenate([[0.0], step, -step]), np.array([0, *range(p), *range(p)])))
+    value, above, below = found[0], found[1 : p + 1], found[p + 1 :]
+    slopes = (above - below) / (2 * step)[:, None]
+    large = np.abs(value) + np.abs(above) + np.abs(below)
+    bent = np.abs(above - 2 * value + below) > SMOOTH * large
+    steep = np.abs(above - below) > STEEP * large
+    doubtful = np.flatnonzero((bent | steep | ~np.isfinite(slopes)).any(axis=1))
+    if not len(doubtful):
+        return value, slopes.T
+    far, near = step[doubtful, None], step[doubtful, None] / SHORTER
+    closer = np.real(values(np.concatenate([near, -near])[:, 0], np.tile(doubtful, 2)))
+    room = ROUNDINGS * np.finfo(np.float64).eps * large[doubtful] / near
+    sides = (above, closer[: len(doubtful)], 1.0), (below, closer[len(doubtful) :], -1.0)
+    (smooth_above, from_above), (smooth_below, from_below) = (
+        _one_sided(sign * (at_far[doubtful] - value) / far, sign * (at_near - value) / near, room)
+        for at_far, at_near, sign in sides
+    )
+    one = np.where(smooth_above, from_above, np.where(smooth_below, from_below, np.nan))
+    slopes[doubtful] = np.where(smooth_above & smooth_below, slopes[doubtful], one)
+    return value, slopes.T
+
+
+def _one_sided(chord: Array, shorter: Array, room: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Whether chords to one side do not grow as they get shorter, and the slope that they lead to."""
+    return np.abs(shorter) <= GROWTH * np.abs(chord) + room, shorter + (shorter - chord) / (SHORTER - 1)
 
 
 def steps(x: Array, directions: Array, scale: Array) -> Array:
