@@ -30,7 +30,8 @@ def balanced(drive: Drive, reversals: Sequence[float], k: float, h0: float, end:
 def _on_one_side(drive: Drive, k: float, t: float, h: float, stop: float) -> tuple[float, float]:
     start, side = t, np.sign(h)
     if h == 0.0:  # h grows like drive' t^2 / 2, less what flows, or like drive t
-        step = min(1e-6, 1e-3 * (stop - t))
+        # At a reversal the drive is a rounded difference: of steps that are too short LSODA takes millions.
+        step = min(1e-6 if abs(drive(t)) >= 1e-9 else 1e-4, 1e-3 * (stop - t))
         q, side = drive(t + step), np.sign(drive(t + step))
         slope = abs(q - drive(t)) / step
         if abs(drive(t)) < 1e-9:
