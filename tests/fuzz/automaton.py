@@ -28,6 +28,7 @@ DEFINITE = 1e-7  # a rate of a guard that is zero
 TOGETHER = 1e-9  # shares of the duration: events that follow one another sooner pile up
 MOST_EVENTS = 200
 STEPS = (4e-4, 2e-4)  # of a parameter, for differences
+OTHER_STEPS = (5.3e-4, 2.65e-4)
 
 NAMES: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "exp", "log", "tanh")} | {"abs": abs}
 
@@ -235,7 +236,7 @@ class Slopes:
     bent: np.ndarray[Any, np.dtype[np.bool_]]
 
 
-def slopes(end: Callable[[Floats], Floats], theta: Floats) -> Slopes:
+def slopes(end: Callable[[Floats], Floats], theta: Floats, steps: tuple[float, float] = STEPS) -> Slopes:
     """By extrapolated central differences.
 
     A bend that falls less than in proportion to the step is a kink of the end at these very parameters, or a root.
@@ -244,13 +245,13 @@ def slopes(end: Callable[[Floats], Floats], theta: Floats) -> Slopes:
     for j in range(len(theta)):
         central, bend = [], []
         size = abs(theta[j]) or 1.0
-        for share in STEPS:
+        for share in steps:
             move = share * size * (np.arange(len(theta)) == j)
             up, down = end(theta + move), end(theta - move)
             central.append((up - down) / (2 * share * size))
             bend.append(np.abs(up + down - 2 * middle) / (2 * share * size))
         best = (4 * central[1] - central[0]) / 3
-        noise = 3 * RTOL * (1 + np.abs(middle)) / (STEPS[-1] * size)
+        noise = 3 * RTOL * (1 + np.abs(middle)) / (steps[-1] * size)
         values.append(best)
         errors.append(np.abs(central[1] - central[0]) + noise)  # where they do not converge as they should, too
         bends.append((bend[1] > 0.6 * bend[0]) & (bend[1] > 1e-6 * (1 + np.abs(best)) + 10 * noise))
