@@ -153,8 +153,8 @@ class Estimator:
 
     @property
     def at_once(self) -> int:
-        """How many problems may be advanced together."""
-        return max(1, MOST_NUMBERS // (int(self.residuals.y[0].size) * len(self.unknowns)))
+        """How many experiments may be fitted together; two searches of each are advanced at once."""
+        return max(1, MOST_NUMBERS // (2 * int(self.residuals.y[0].size) * len(self.unknowns)))
 
     @property
     def start(self) -> Array:
