@@ -95,7 +95,9 @@ def search_rows(problem: fp.DesignProblem, settings: fp.results.ExchangeSettings
 
 def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
     """How runs would be searched for."""
-    settings = fp.results.RunSettings(**{one.name: given[one.name] for one in fields(fp.results.RunSettings) if one.name in given})
+    from fisherpoint.design.results.settings import RunSettings
+
+    settings = RunSettings(**{one.name: given[one.name] for one in fields(RunSettings) if one.name in given})
     n = problem.run_region.segments
     return [
         *_goal_rows(settings.goal),

@@ -86,8 +86,8 @@ def minimise_log_det(
 ) -> tuple[Minima, Array]:
     """Minimise log det of the residual covariance of B problems; its diagonal's where not `full`.
 
-    The weights are taken anew until they change by less than `settled`, a number or (B,), of themselves, or than rounding makes them change. Of a
-    single output without a prior they do not move the minimum, and are taken once.
+    The weights are taken anew until they change by less than `settled`, a number or (B,), of themselves, or than rounding makes
+    them change. Of a single output without a prior they do not move the minimum, and are taken once.
 
     Returns
     -------

@@ -64,9 +64,7 @@ class PartWork:
     experiments: Mapping[str, VirtualExperiments]
 
     def __call__(self, part: Part) -> dict[str, SentFits]:
-        return {
-            name: SentFits.of(one.run(part.theta, Streams.at(part.positions[name]))) for name, one in self.experiments.items()
-        }
+        return {name: SentFits.of(one.run(part.theta, Streams.at(part.positions[name]))) for name, one in self.experiments.items()}
 
     def whole(self, sent: Mapping[str, SentFits], theta: Array) -> dict[str, VirtualFits]:
         """Fits that were sent, of the true parameters theta (n, p)."""
