@@ -58,13 +58,11 @@ def about(trajectories: float, what: str = "") -> Row:
 
 def settings_of(problem: fp.DesignProblem, given: Mapping[str, Any]) -> fp.results.ExchangeSettings:
     """The settings of a search for points, with its defaults for what is not given; raise as the search does."""
-    from fisherpoint.design.results.settings import check_goal, most_iterations
+    from fisherpoint.design.results.settings import ExchangeSettings, check_goal, most_iterations
 
-    chosen = {one.name: given[one.name] for one in fields(fp.results.ExchangeSettings) if one.name in given}
+    chosen = {one.name: given[one.name] for one in fields(ExchangeSettings) if one.name in given}
     method = chosen.get("method", fp.ExchangeMethod())
-    settings = fp.results.ExchangeSettings(
-        **chosen | {"max_iterations": most_iterations(chosen.get("max_iterations"), method, problem)}
-    )
+    settings = ExchangeSettings(**chosen | {"max_iterations": most_iterations(chosen.get("max_iterations"), method, problem)})
     check_goal(settings, problem)
     return settings
 
@@ -97,7 +95,9 @@ def search_rows(problem: fp.DesignProblem, settings: fp.results.ExchangeSettings
 
 def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
     """How runs would be searched for."""
-    settings = fp.results.RunSettings(**{one.name: given[one.name] for one in fields(fp.results.RunSettings) if one.name in given})
+    from fisherpoint.design.results.settings import RunSettings
+
+    settings = RunSettings(**{one.name: given[one.name] for one in fields(RunSettings) if one.name in given})
     n = problem.run_region.segments
     return [
         *_goal_rows(settings.goal),

@@ -33,7 +33,7 @@ class Helpers:
     Parameters
     ----------
     most : int
-        Forks, at most; there are no more than cores.
+        Forks, at most; there are fewer than cores, as this process is at work too, and each takes time of its own.
     prepare : callable
         What is done at once, such as imports; by one, from which the others are forked then.
     """
@@ -45,7 +45,7 @@ class Helpers:
         self._first: ForkProcess | None = None
         if cores > 1:
             with suppress(OSError):  # too little memory for another one
-                self._first = self._fork(prepare, min(cores, most))
+                self._first = self._fork(prepare, min(cores - 1, most))
         if self._first is None:
             prepare()
 

@@ -35,6 +35,11 @@ def doubled(value: int) -> tuple[int, int]:
     return os.getpid(), 2 * value
 
 
+def doubled_slowly(value: int) -> tuple[int, int]:
+    time.sleep(0.1)
+    return doubled(value)
+
+
 def all_of(works: Sequence[Callable[[], Any]]) -> list[Any]:
     with Helpers(2, ready) as helpers:
         return [wait() for wait in [helpers.begin(work) for work in works]]
@@ -60,6 +65,13 @@ def test_they_work_while_this_process_does() -> None:
         time.sleep(0.6)
         begin = time.perf_counter()
         assert first() is None and second() < begin  # on one clock for all processes
+
+
+@TWO_CORES
+@pytest.mark.parametrize(("cores", "forks"), [(2, 1), (3, 2), (8, 2)])
+def test_a_core_is_left_to_this_process(cores: int, forks: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)))
+    assert len({found for found, _ in all_of([partial(doubled_slowly, k) for k in range(4)])}) == forks
 
 
 def test_on_one_core_this_process_does_it_itself(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,6 +147,7 @@ BUSY = """
 import os, sys, time
 from functools import partial
 from fisherpoint_command.work_processes import Helpers
+os.sched_getaffinity = lambda _: range(3)
 try:
     with Helpers(2, lambda: None) as helpers:
         waits = [helpers.begin(partial(*work)) for work in {works}]

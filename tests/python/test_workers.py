@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,7 @@ def test_the_bits_do_not_depend_on_threads(threads: int, alone: dict[str, str]) 
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_the_bits_are_those_of_this_process(name: str, alone: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "LARGEST", 7)  # parts of other sizes, too
+    monkeypatch.setattr(parts, "BYTES", 300)  # parts of other sizes, too
     searches = name in ("2 processes", "backwards")
     with ENGINES[name]() as workers:
         found = results(workers, searches=searches)
@@ -143,6 +144,22 @@ def test_few_pieces_are_under_way_and_a_message_is_small(monkeypatch: pytest.Mon
     with ThreadPoolExecutor(2) as executor:
         fp.validate(PROBLEM, DESIGNS, runs=200, workers=executor)
     assert max(sizes) < 100_000
+
+
+def test_the_fits_of_the_largest_part_are_a_small_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "FEWEST", 1)
+    sizes: list[int] = []
+
+    class Weighing(ThreadPoolExecutor):
+        def submit(self, *given: Any, **options: Any) -> Future[Any]:
+            future = super().submit(*given, **options)
+            future.add_done_callback(lambda done: sizes.append(len(pickle.dumps(done.result()))))
+            return future
+
+    with Weighing(2) as executor:
+        fp.validate(PROBLEM, DESIGNS, runs=4000, workers=executor)
+    assert len(sizes) > 1
+    assert 50_000 < max(sizes) < 100_000
 
 
 def test_what_cannot_be_sent_is_named_at_the_call(monkeypatch: pytest.MonkeyPatch) -> None:

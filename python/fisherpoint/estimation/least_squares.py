@@ -210,7 +210,7 @@ def minimise(
     *,
     unit: float = 1.0,
     accuracy: Accuracy = EXACT,
-    tolerance: float = TOLERANCE,
+    tolerance: float | Array = TOLERANCE,
 ) -> Minima:
     """Minimise half the sum of squared residuals of B problems of P coordinates each.
 
@@ -226,7 +226,7 @@ def minimise(
         Lower bound of the residuals' noise; 0 where it is not known, and their root mean square estimates it.
     accuracy : Accuracy
         Of the residuals.
-    tolerance : float
+    tolerance : float or ndarray, (B,)
         As `TOLERANCE`; more where only costs are needed, which are half its square too large then, in squares of the noise.
 
     Returns
@@ -253,11 +253,12 @@ class _Searches:
         upper: Array,
         unit: float,
         accuracy: Accuracy,
-        tolerance: float,
+        tolerance: float | Array,
     ) -> None:
-        self.residuals, self.lower, self.upper, self.unit, self.tolerance = residuals, lower, upper, unit, tolerance
+        self.residuals, self.lower, self.upper, self.unit = residuals, lower, upper, unit
         self.negligible = max(LEAST_NEGLIGIBLE, 30 * accuracy.precision)
         count = len(z0)
+        self.tolerance = np.broadcast_to(tolerance, count)
         self.z, everything = z0.copy(), np.arange(count)
         self.r, self.jacobian, ok = self._evaluated(self.z, everything)
         self.cost, self.tangent = _cost(self.r), Tangent.of(self.r, self.jacobian)
@@ -349,7 +350,7 @@ class _Searches:
         """Set apart the searches at which the gradient is zero, or as near to it as the residuals' rounding lets it come."""
         some = self.active
         length = self.length[some]
-        solved: NDArray[np.bool_] = length <= self.tolerance * self._noise(some)
+        solved: NDArray[np.bool_] = length <= self.tolerance[some] * self._noise(some)
         solved = solved | (self._near(some) & (length >= 0.5 * self.last[some]))
         unnoticed = (self.tangent.blank[some[solved]] & self.free[some[solved]]).any(axis=1)
         self.end[some[solved]] = np.where(unnoticed, UNNOTICED, CONVERGED)

@@ -82,12 +82,12 @@ def relative_change(update: Array, covariance: Array) -> Array:
 
 
 def minimise_log_det(
-    residuals: WeightedResiduals, z0: Array, full: bool, max_evaluations: int = 200, settled: float = SETTLED
+    residuals: WeightedResiduals, z0: Array, full: bool, max_evaluations: int = 200, settled: float | Array = SETTLED
 ) -> tuple[Minima, Array]:
     """Minimise log det of the residual covariance of B problems; its diagonal's where not `full`.
 
-    The weights are taken anew until they change by less than `settled` of themselves, or than rounding makes them change. Of a
-    single output without a prior they do not move the minimum, and are taken once.
+    The weights are taken anew until they change by less than `settled`, a number or (B,), of themselves, or than rounding makes
+    them change. Of a single output without a prior they do not move the minimum, and are taken once.
 
     Returns
     -------
@@ -110,6 +110,7 @@ def minimise_log_det(
     covariance = covariance_at(z0, y) * np.eye(len(least))  # of a start alone, correlations mean nothing
     minima = minimised(z0, y, covariance)
     going, before = np.flatnonzero(minima.end != NOT_EVALUABLE), np.full(len(z0), np.inf)
+    settled = np.broadcast_to(settled, len(z0))
     for _ in range(MAX_ROUNDS):
         update = covariance_at(minima.z[going], y[going])
         change = relative_change(update, covariance[going])
@@ -119,7 +120,7 @@ def minimise_log_det(
         # Where rounding moves the weights, they are settled when they come no closer.
         rounding = 10 * residuals.observed.precision / EPSILON * np.sqrt(least / np.einsum("bii->bi", update)).max(axis=1)
         rounding += 10 * minima.spacing[going] / np.sqrt(residuals.measured.sum())
-        moving = (change > settled) & ((change > rounding) | (change < 0.5 * before[going]))
+        moving = (change > settled[going]) & ((change > rounding) | (change < 0.5 * before[going]))
         before[going] = change
         going = going[moving & (minima.end[going] != LIMIT)]
         if not len(going):

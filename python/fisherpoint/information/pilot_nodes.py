@@ -198,9 +198,9 @@ class PilotNodes:
     def _at(self, points: Experiments, parameters: Array, settings: Integration) -> tuple[IntArray, Array]:
         """Statuses (K, n), and until when each could be followed; infinite where none of `FATAL` ended it."""
         model, count = self.model, len(parameters)
-        rows = np.repeat(np.arange(len(points)), count)
+        given = (np.repeat(part, count, axis=0) for part in (points.x0, points.u, points.dt))
         theta = np.tile(parameters, (len(points), 1))
-        _, _, *results = model.kernels.simulate(model.core, points.x0[rows], points.u[rows], points.dt[rows], theta, *settings)
+        _, _, *results = model.kernels.simulate(model.core, *given, theta, *settings)
         status, lasted = (np.asarray(one).reshape(len(points), count) for one in results)
         return status, np.where(fatal(status), lasted, np.inf)
 

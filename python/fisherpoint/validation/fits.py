@@ -153,8 +153,8 @@ class Estimator:
 
     @property
     def at_once(self) -> int:
-        """How many problems may be advanced together."""
-        return max(1, MOST_NUMBERS // (int(self.residuals.y[0].size) * len(self.unknowns)))
+        """How many experiments may be fitted together; two searches of each are advanced at once."""
+        return max(1, MOST_NUMBERS // (2 * int(self.residuals.y[0].size) * len(self.unknowns)))
 
     @property
     def start(self) -> Array:
@@ -224,19 +224,23 @@ class VirtualExperiments:
     points: Points
     threads: int
 
+    def truth(self, theta: Array) -> Array:
+        """True values (n, P) of the estimated parameters, of true parameters theta (n, p)."""
+        return theta[:, [names_of(self.rig.model.parameters).index(name) for name in self.estimator.parameters]]
+
     def run(self, theta: Array, streams: Streams) -> VirtualFits:
         """Measure the points at true parameters theta (n, p), and fit the data of each virtual experiment."""
         estimator = self.estimator
-        columns = [names_of(self.rig.model.parameters).index(name) for name in estimator.parameters]
+        known = self.truth(theta)
         y, status, deviations = self.rig.measure(self.points, theta, streams, self.threads)
-        of_nuisance = np.tile(estimator.unknowns.center[len(columns) :], (len(theta), 1))
+        of_nuisance = np.tile(estimator.unknowns.center[known.shape[1] :], (len(theta), 1))
         if deviations.shape[1]:  # a true model of its own has its own constants
             of_nuisance += deviations
-        truth = np.concatenate([theta[:, columns], of_nuisance], axis=1)
+        truth = np.concatenate([known, of_nuisance], axis=1)
         failure = np.array([f"{NO_DATA}: {Status(int(code)).name}" for code in status], dtype="<U80")
         ok = status == Status.ok
-        blank = np.full((len(theta), len(columns)), np.nan)
-        found = VirtualFits(theta[:, columns], blank, blank.copy(), blank > 0, blank > 0, failure)
+        blank = np.full(known.shape, np.nan)
+        found = VirtualFits(known, blank, blank.copy(), blank > 0, blank > 0, failure)
         if ok.any():
             for whole, part in zip(found[1:], estimator.fit(y[ok], truth[ok])[1:], strict=True):
                 whole[ok] = part

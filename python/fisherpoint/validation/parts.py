@@ -8,6 +8,9 @@ from itertools import repeat
 from time import perf_counter
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..basics.values import Array
 from .fits import VirtualExperiments, VirtualFits
 from .truths import Streams
@@ -17,8 +20,8 @@ SECONDS = 5.0
 
 GROWTH = 8.0
 
-LARGEST, FEWEST = 500, 32
-"""Experiments of a part that is sent at most, and parts that there are at least."""
+BYTES, FEWEST = 90_000, 16
+"""Size of what is sent of a part at most, and parts that there are at least: fits take longer in smaller ones."""
 
 
 class Part(NamedTuple):
@@ -38,14 +41,34 @@ class Part(NamedTuple):
     positions: Mapping[str, tuple[Mapping[str, Any], ...]]
 
 
+class SentFits(NamedTuple):
+    """Fits as they are sent: without the truth, which is known where they go, and with each reason of failures once."""
+
+    fits: VirtualFits
+    reasons: NDArray[np.str_]
+    reason: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, fits: VirtualFits) -> SentFits:
+        reasons, reason = np.unique(fits.failure, return_inverse=True)
+        return cls(fits._replace(truth=fits.truth[:0], failure=fits.failure[:0]), reasons, reason.astype(np.uint8))
+
+    def whole(self, truth: Array) -> VirtualFits:
+        return self.fits._replace(truth=truth, failure=self.reasons[self.reason])
+
+
 @dataclass(frozen=True, eq=False)
 class PartWork:
     """The fits of a part, by design."""
 
     experiments: Mapping[str, VirtualExperiments]
 
-    def __call__(self, part: Part) -> dict[str, VirtualFits]:
-        return {name: one.run(part.theta, Streams.at(part.positions[name])) for name, one in self.experiments.items()}
+    def __call__(self, part: Part) -> dict[str, SentFits]:
+        return {name: SentFits.of(one.run(part.theta, Streams.at(part.positions[name]))) for name, one in self.experiments.items()}
+
+    def whole(self, sent: Mapping[str, SentFits], theta: Array) -> dict[str, VirtualFits]:
+        """Fits that were sent, of the true parameters theta (n, p)."""
+        return {name: sent[name].whole(one.truth(theta)) for name, one in self.experiments.items()}
 
     def parts(self, thetas: Array, seed: int, sizes: Iterable[int]) -> Iterator[Part]:
         """Cut the experiments into parts of these sizes; the random numbers before a part are drawn and dropped."""
@@ -65,6 +88,14 @@ class PartWork:
         """How many experiments may be fitted together."""
         return min(one.estimator.at_once for one in self.experiments.values())
 
+    @property
+    def most_to_send(self) -> int:
+        """How many experiments may be sent together, there as true parameters and back as fits."""
+        experiments = self.experiments.values()
+        there = 8 * max(len(one.rig.model.parameters) for one in experiments)
+        back = sum(1 + 18 * len(one.estimator.parameters) for one in experiments)  # two numbers and two flags of each parameter
+        return max(1, min(self.most, BYTES // max(there, back)))
+
 
 def sizes_here(most: int) -> Iterator[int]:
     """Sizes of parts that are computed one after the other: larger where they take little time, as fits take less together."""
@@ -77,5 +108,5 @@ def sizes_here(most: int) -> Iterator[int]:
 
 
 def sizes_to_send(most: int, count: int) -> Iterator[int]:
-    """Sizes of parts that are sent: they follow from the number of experiments alone."""
-    return repeat(min(most, max(1, min(LARGEST, count // FEWEST))))
+    """Sizes of parts that are sent: they follow from what is fitted, and to how many experiments."""
+    return repeat(max(1, min(most, count // FEWEST)))

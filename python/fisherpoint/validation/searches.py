@@ -77,11 +77,14 @@ class Searches:
         where there is one.
         """
         everything = np.arange(len(truth))
-        to_compare = (TRIED_EVALUATIONS, SETTLED_TO_COMPARE, CLOSE_ENOUGH_TO_COMPARE)
-        from_truth = self._searched(self._inside(truth), everything, *to_compare)
-        self._finish(from_truth, from_truth.minima.end == LIMIT, self._same(from_truth.minima.cost), *to_compare[1:])
+        to_compare = (SETTLED_TO_COMPARE, CLOSE_ENOUGH_TO_COMPARE)
+        # Both together: the last few searches that go on take as long as many.
+        starts = np.concatenate([self._inside(truth), np.tile(self.starts[0], (len(truth), 1))])
+        ends = (np.repeat(pair, len(truth)) for pair in zip(to_compare, (SETTLED, TOLERANCE), strict=True))
+        both = self._searched(starts, np.tile(everything, 2), TRIED_EVALUATIONS, *ends)
+        from_truth, found = both.some(everything), both.some(len(truth) + everything)
+        self._finish(from_truth, from_truth.minima.end == LIMIT, self._same(from_truth.minima.cost), *to_compare)
         lowest = from_truth.minima
-        found = self._searched(np.tile(self.starts[0], (len(truth), 1)), everything, TRIED_EVALUATIONS)
         same = self._same(lowest.cost)
         self._finish(found, (found.minima.end == LIMIT) & ~(found.minima.cost > lowest.cost + same), same)  # not a wrong valley
         for rank in range(len(self.starts) - 1):
@@ -143,7 +146,12 @@ class Searches:
         found.put(rows[better], other.some(better))
 
     def _searched(
-        self, z0: Array, rows: NDArray[np.intp], evaluations: int, settled: float = SETTLED, tolerance: float = TOLERANCE
+        self,
+        z0: Array,
+        rows: NDArray[np.intp],
+        evaluations: int,
+        settled: float | Array = SETTLED,
+        tolerance: float | Array = TOLERANCE,
     ) -> Searched:
         """Minima of the experiments `rows` from z0 (b, P), with costs that can be compared, infinite where there is none."""
         residuals, unknowns = replace(self.residuals, y=self.residuals.y[rows]), self.residuals.unknowns

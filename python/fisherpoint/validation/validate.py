@@ -185,11 +185,13 @@ def _fits(
     """
     done: list[dict[str, VirtualFits]] = []
     made = failed = 0
-    sizes = sizes_here(work.most) if distributor.here else sizes_to_send(work.most, len(thetas))
+    sizes = sizes_here(work.most) if distributor.here else sizes_to_send(work.most_to_send, len(thetas))
     try:
-        for fits in distributor.map(work, work.parts(thetas, seed, sizes), "part {} of the virtual experiments".format):
+        for sent in distributor.map(work, work.parts(thetas, seed, sizes), "part {} of the virtual experiments".format):
+            count = len(next(iter(sent.values())).reason)
+            fits = work.whole(sent, thetas[made : made + count])
             done.append(fits)
-            made += len(next(iter(fits.values())).truth)
+            made += count
             failed += sum(int((of.failure != "").sum()) for of in fits.values())
             if progress is not None:
                 message = f"{failed} failed" if failed else ""

@@ -170,7 +170,7 @@ class AutoSearch(PoolSearch):
         table = self._numbers(pool.information)[live]
         tuning = self.tuning
         most = max(1, round(self._drawn_share * tuning.climbing_candidates * self.settings.n_candidates))
-        gains, apart = self._gains(design, pool.columns[..., live]), tuning.climb.least_distance
+        gains, apart = self._gains(design, pool.columns.take(live, axis=3)), tuning.climb.least_distance
         peaks = pool[live[far_apart(table, self._upper - self._lower, gains, most, apart)]]
         self._confirm(peaks, np.arange(len(peaks)))
         lower = peaks[np.arange(0)]

@@ -23,7 +23,7 @@ class Pool:
         return len(self.valid)
 
     def __getitem__(self, rows: NDArray[np.intp]) -> Pool:
-        some = Pool(self.information[rows], np.ascontiguousarray(self.columns[..., rows]))
+        some = Pool(self.information[rows], self.columns.take(rows, axis=3))
         some.valid = self.valid[rows]
         return some
 

@@ -98,7 +98,7 @@ class PoolSearch(PointSearch):
         for _ in range(tuning.random_starts if at_random else 1):
             some = np.sort(rng.permutation(part)[: tuning.least_start_candidates]) if at_random else part
             first = rng.integers(len(some), size=count // 2 if at_random else 0)
-            columns = np.ascontiguousarray(pool.columns[..., some])
+            columns = pool.columns.take(some, axis=3)
             chosen = some[greedy(columns, count, self._fixed, self.over.average, criteria, first)]
             self._confirm(pool, np.unique(chosen))
             lost = pool.valid[chosen] < 0
@@ -139,7 +139,7 @@ class PoolSearch(PointSearch):
         count = len(design)
         live = np.arange(len(pool.valid)) if part is None else part
         live = live[pool.valid[live] >= 0]
-        columns = np.concatenate([self._columns(design), pool.columns[..., live]], axis=3)
+        columns = np.concatenate([self._columns(design), pool.columns.take(live, axis=3)], axis=3)
         exchange = self._exchange(columns, count)
         for look in range(self.tuning.checks_per_exchange):
             unknown = np.flatnonzero(pool.valid[live] == 0)
