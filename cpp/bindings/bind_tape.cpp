@@ -29,8 +29,9 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
                      const std::vector<std::pair<int, int>>& output_entries,
                      const std::vector<std::pair<int, int>>& jump_entries, std::vector<bool> varying_states,
                      std::vector<bool> varying_outputs, std::vector<bool> varying_surfaces, std::vector<bool> crossable,
-                     std::vector<bool> rough, std::vector<bool> steep, std::vector<bool> closed, int reset_count,
-                     Program resets, Program reset_jacobian, const std::vector<std::pair<int, int>>& reset_targets,
+                     std::vector<bool> rough, std::vector<bool> steep, std::vector<bool> closed,
+                     std::vector<bool> constant_slopes, int reset_count, Program resets, Program reset_jacobian,
+                     const std::vector<std::pair<int, int>>& reset_targets,
                      const std::vector<std::pair<int, int>>& reset_entries, std::vector<bool> reset_levels) {
   Shape<TapeModel> shape{
       static_cast<int>(scales.size()),  inputs, outputs, parameters, jumps, jumps + kinks, jumps + kinks + poles,
@@ -49,7 +50,7 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
        std::move(rate_jacobian), std::move(output_jacobian), std::move(jump_jacobian)},
       entries(state_entries), entries(rate_entries), entries(output_entries), entries(jump_entries),
       {std::move(varying_states), std::move(varying_outputs), std::move(varying_surfaces), std::move(crossable),
-       std::move(rough), std::move(steep), std::move(closed)},
+       std::move(rough), std::move(steep), std::move(closed), std::move(constant_slopes)},
       {std::move(resets), std::move(reset_jacobian), entries(reset_targets), entries(reset_entries), std::move(reset_levels)});
 }
 
@@ -103,7 +104,8 @@ void bind_tape(py::module_& m) {
            "limits"_a, "measured"_a, "rates"_a, "output"_a, "surfaces"_a, "surface_rates"_a, "state_jacobian"_a,
            "rate_jacobian"_a, "output_jacobian"_a, "jump_jacobian"_a, "state_entries"_a, "rate_entries"_a, "output_entries"_a,
            "jump_entries"_a, "varying_states"_a, "varying_outputs"_a, "varying_surfaces"_a, "crossable"_a, "rough"_a, "steep"_a,
-           "closed"_a, "reset_count"_a, "resets"_a, "reset_jacobian"_a, "reset_targets"_a, "reset_entries"_a, "reset_levels"_a,
+           "closed"_a, "constant_slopes"_a, "reset_count"_a, "resets"_a, "reset_jacobian"_a, "reset_targets"_a,
+           "reset_entries"_a, "reset_levels"_a,
            "Scales of the states, how many there are of what (the poles and what is measured among the limits), and the "
            "programs with their entries.")
       .def(

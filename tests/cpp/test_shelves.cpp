@@ -27,6 +27,20 @@ TEST_CASE("what is dropped is given out again, while its thread works") {
   Shelves::drop(other, 1000);
 }
 
+TEST_CASE("of large blocks one is kept, for what is no larger") {
+  constexpr std::size_t large = 300'000;
+  const Shelves shelves;
+  void* const block = Shelves::take(large);
+  void* const other = Shelves::take(large);
+  Shelves::drop(block, large);
+  Shelves::drop(other, large);  // goes back to the system
+  void* const larger = Shelves::take(2 * large);
+  CHECK(larger != block);
+  CHECK(Shelves::take(large / 2) == block);
+  Shelves::drop(block, large / 2);
+  Shelves::drop(larger, 2 * large);
+}
+
 TEST_CASE("arrays outlive the shelves that they came from, and may be dropped by another thread") {
   std::vector<HeapArray<double>> arrays(1000);
   Workers(4).for_each(arrays.size(), [&](std::size_t i) {

@@ -66,7 +66,8 @@ TapeModel ball(Kind kind, double floor, bool pole = false) {
                     std::vector<bool>(kind == Kind::jump, true),
                     std::vector<bool>(kind != Kind::limit, false),
                     std::vector<bool>(kind != Kind::limit, false),
-                    std::vector<bool>(kind == Kind::limit && !pole, false)});
+                    std::vector<bool>(kind == Kind::limit && !pole, false),
+                    kink ? std::vector{true, false, true, false} : std::vector{true, true}});
 }
 
 struct Throws {
@@ -199,7 +200,7 @@ TEST_CASE("lists that would read or write what they must not are refused") {
   const auto model = [&](const Program& rates) {
     const Program none{{}, {}, {}, {}, 3}, x{{}, {}, {}, {1}, 3}, jacobian{{}, {}, {}, {1, 0}, 3};
     return TapeModel(shape, {1.0}, {rates, x, none, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}, none}, {}, {{0, 1}},
-                     {{0, 0}}, {}, {{true}, {true}, {}, {}, {}});
+                     {{0, 0}}, {}, {{true}, {true}, {}, {}, {}, {}, {}, {false}});
   };
   // theta, x, dx, then what is computed.
   CHECK_NOTHROW(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3}, 4}));

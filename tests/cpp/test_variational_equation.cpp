@@ -85,6 +85,27 @@ TEST_CASE("f and its Jacobian, on one evaluation, against central differences") 
   });
 }
 
+TEST_CASE("slopes that a model calls constant stay as they are on both sides of its kinks, others do not") {
+  using E = VariationalEquation<HydraulicCylinder, double>;
+  using D = Dependence<HydraulicCylinder>;
+  const E equation(HydraulicCylinder{}, cylinder_theta, {-0.86});
+  const auto entries_at = [&](const E::State& x, double spool) {
+    std::vector<double> entries(D::changing + D::constant);
+    E::State rate;
+    equation.linearise(x, {1.0, spool}, rate, [&](int e, double slope) { entries[e] = slope; });
+    return entries;
+  };
+  const auto one = entries_at({0.0777, 0.178, 8.99e6, 1.03e7, -0.62}, -1.0),
+             other = entries_at({0.11, 0.05, 5e6, 6e6, 0.4}, 1.0);
+  int constant = 0;
+  for (int e = 0; e < D::changing + D::constant; ++e) {
+    // What volumes do to the other chamber cancels: it is zero in both states.
+    if (one[e] != 0.0 || other[e] != 0.0) CHECK((D::kept_at(e) < 0) == (one[e] == other[e]));
+    constant += D::kept_at(e) < 0;
+  }
+  CHECK(constant == 5);
+}
+
 TEST_CASE_TEMPLATE("the cylinder's sensitivities against central differences of the trajectory", Method, FISHERPOINT_METHODS) {
   const std::array x0 = {0.0777, 0.178, 8.99e6, 1.03e7, -0.62};
   const std::array u = {-0.86};

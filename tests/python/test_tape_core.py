@@ -34,6 +34,7 @@ def core_values(program: Program, x: np.ndarray) -> np.ndarray:
         [],
         [],
         [],
+        [],
         *(0, to_core(none), to_core(none), [], [], []),
     )
     return model.output(x, np.empty((len(x), 0)), np.ones((len(x), 1)))

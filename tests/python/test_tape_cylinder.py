@@ -91,6 +91,13 @@ def test_derivatives_are_those_of_sympy(programs: Programs, rows: dict[str, Floa
             assert (i, 4) not in entries
 
 
+def test_slopes_that_are_constant_read_no_state_and_no_side_of_a_kink() -> None:
+    """The side of v = 0, a jump, is the friction's direction."""
+    programs = MODEL.symbolic().structure.programs
+    constant = {entry for entry, is_constant in zip(programs.rate_entries, programs.constant_slopes, strict=True) if is_constant}
+    assert constant == {(0, 1), (1, 1), (1, 2), (1, 3), (1, N_X)}
+
+
 def test_entries_are_in_order(programs: Programs) -> None:
     for entries in (programs.rate_entries, programs.output_entries):
         by_states = [entry for entry in entries if entry[1] < N_X]

@@ -153,6 +153,7 @@ class TapeModel:
         rough: collections.abc.Sequence[bool],
         steep: collections.abc.Sequence[bool],
         closed: collections.abc.Sequence[bool],
+        constant_slopes: collections.abc.Sequence[bool],
         reset_count: typing.SupportsInt | typing.SupportsIndex,
         resets: Program,
         reset_jacobian: Program,

@@ -36,6 +36,7 @@ def cpp_model(model: Model, states: Sequence[Quantity], programs: Programs, name
     rates, output, surfaces = (_Body(program, leaves, n_x) for program in (programs.rates, programs.output, programs.surfaces))
     ahead, behind = rates.setup_parts(p)
     values = surfaces.results
+    constant = [entry for entry, constant in zip(programs.rate_entries, programs.constant_slopes, strict=True) if constant]
     sided = surfaces.reads([name for name in leaves if name.startswith("side_")], values[sides:])
     return f"""#pragma once
 
@@ -63,6 +64,7 @@ struct {name} {{
   static constexpr std::array<bool, {sides}> steep = {_flags(programs.steep)};
   static constexpr std::array<bool, {len(programs.closed)}> closed = {_flags(programs.closed)};
   static constexpr std::array<Variables, {n_x}> read_through_jumps = {_variables(programs.rate_entries, n_x)};
+  static constexpr std::array<Variables, {n_x}> constant_slopes = {_variables(constant, n_x)};
 
   auto dynamics(const auto& parameters) const {{
     {_taken("theta", p, "parameters")}

@@ -191,11 +191,12 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   const Theta& theta() const { return theta_; }
 
   void linearise(const State& x, const Side& side, State& dx, Jacobian<TapeModel, P>& jacobian) const {
+    linearise(x, side, dx, [&](int e, const P& slope) { jacobian.entry(e) = slope; });
+  }
+  void linearise(const State& x, const Side& side, State& dx, auto&& put) const {
     rates_.run(x, side);
-    int at = 0;
-    for (P& rate : dx) rate = rates_.output(at++);
-    for (P& entry : jacobian.by_state) entry = rates_.output(at++);
-    for (int e = 0; e < dependence.by_theta - 1; ++e) jacobian.by_theta[e] = rates_.output(at++);
+    for (int i = 0; i < states; ++i) dx[i] = rates_.output(i);
+    for (int e = 0; e < dependence.changing + dependence.constant; ++e) put(e, rates_.output(states + e));
   }
 
   void output(const State& x, const Columns<TapeModel, P>& s, typename Plain::Output& y, ShelfVector<P>& dy_dtheta) const {

@@ -23,6 +23,11 @@ struct Jacobian {
     fit(by_theta, dependence.by_theta);
     by_theta[dependence.by_theta - 1] = P(0.0);
   }
+  // Those of f_x first.
+  P& entry(int e) {
+    const int states = static_cast<int>(by_state.size());
+    return e < states ? by_state[e] : by_theta[e - states];
+  }
 
   Numbers<P, std::remove_const_t<decltype(Dependence<M>::by_state)>> by_state;
   Numbers<P, std::remove_const_t<decltype(Dependence<M>::by_theta)>> by_theta;
@@ -73,16 +78,20 @@ class VariationalEquation : public Shape<M> {
 
   // f and its Jacobian in x.
   void linearise(const State& x, const Side& side, State& dx, Jacobian<M, P>& jacobian) const {
+    linearise(x, side, dx, [&](int e, const P& slope) { jacobian.entry(e) = slope; });
+  }
+  // put(e, slope) for every entry, those of f_x first.
+  void linearise(const State& x, const Side& side, State& dx, auto&& put) const {
     const auto f = dynamics_(as_variables<0, n_x, P>(x), u_, side);
     for_each_index<n_x>([&](auto i) {
       const auto& f_i = std::get<i>(f);
       constexpr auto coupled = dependence.coupled(i);
       dx[i] = value_of(f_i);
-      for_each_variable(coupled, [&](auto k) {
-        jacobian.by_state[dependence.state_start[i] + detail::below(coupled, k)] = slope_of<k, P>(f_i);
-      });
+      for_each_variable(coupled,
+                        [&](auto k) { put(dependence.state_start[i] + detail::below(coupled, k), slope_of<k, P>(f_i)); });
       for_each_variable(dependence.parameters_of(i), [&](auto j) {
-        jacobian.by_theta[dependence.theta_start[j] + detail::below(dependence.driven(j), i)] = slope_of<n_x + j, P>(f_i);
+        put(dependence.by_state + dependence.theta_start[j] + detail::below(dependence.driven(j), i),
+            slope_of<n_x + j, P>(f_i));
       });
     });
   }

@@ -3,7 +3,8 @@
 //     mu_i = h (b_i lambda + sum_{j>i} a_ji nu_j),  nu_i = f_x(Y_i)^T mu_i,
 //     gradient += sum f_theta(Y_i)^T mu_i,          lambda += sum nu_i.
 // Rows equal those of the columns (tangents.hpp) over the same steps, to rounding. They cost the more the more rows there are,
-// columns the more parameters.
+// columns the more parameters. What of the Jacobians is constant along a trajectory is kept once: it must stay on its sides of
+// the jumps.
 //
 // The error is estimated by one more row for all. The embedded error of a step, e = h sum e_i f(Y_i), changes y by lambda^T e;
 // how that changes with theta is a gradient too: eta goes back beside the rows, with b_i eta + e_i lambda in place of b_i
@@ -14,7 +15,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <deque>
 
 #include "fisherpoint/equations/variational_equation.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
@@ -68,8 +68,9 @@ class Adjoints {
       : x(x0),
         f_(equation),
         least_(0.01 * tolerance * tolerance),
-        block_(std::max<std::size_t>(
-            1, most_kept / (stages * sizeof(P) * std::max(1, equation.dependence.by_state + equation.dependence.by_theta)))) {
+        block_(std::max<std::size_t>(1, most_kept / (sizeof(P) * std::max(1, in_step())))),
+        kept_(static_cast<int>(block_) * in_step()) {
+    fit(constants_, f_.dependence.constant);
     fit(squared_error_of_, f_.parameters);
     fit(squared_size_of_, f_.parameters);
     for (int j = 0; j < f_.parameters; ++j) squared_size_of_[j] = squared_rounding(f_.theta()[j], tolerance);
@@ -80,11 +81,11 @@ class Adjoints {
     const std::size_t at = steps_.size() % block_;
     if (at == 0) starts_.push_back(x);
     steps_.push_back({size, P(1.0), side});
-    const Embedded embedded = take(steps_.back(), at, x);
+    const Embedded embedded = take(steps_.back(), entries_of(at), x);
     squared_error_ += judged<Method>(embedded.fine, embedded.coarse, beside);
     const P fine = embedded.fine + least_;
     steps_.back().share = sqrt(judged<Method>(fine, embedded.coarse, beside) / fine);
-    note_drive(size, jacobian_[at * stages]);
+    note_drive(size, entries_of(at));
   }
 
   Row row() const {
@@ -109,8 +110,10 @@ class Adjoints {
         for (const Row& row : rows) sum[i] += row.lambda[i] * row.inverse_scale;
         sum[i] *= steps_[n].share;
       });
-      carry<true>(n, sum, error);
-      for (Row& row : rows) carry<false>(n, sum, row);
+      const Step& step = steps_[n];
+      const P* const here = entries_of(n % block_);
+      carry_back<true>(step.size, here, sum, error.lambda, error.gradient);
+      for (Row& row : rows) carry_back<false>(step.size, here, sum, row.lambda, row.gradient);
       for (int j = 0; j < f_.parameters; ++j) {
         P size(0.0);
         for (const Row& row : rows) size += square(row.gradient[j] * row.inverse_scale);
@@ -138,12 +141,12 @@ class Adjoints {
   static P square(const P& a) { return a * a; }
 
   // A column of S is at least as large as what its parameter alone drives within a step.
-  void note_drive(const P& step, const Jacobian<M, P>& jacobian) {
+  void note_drive(const P& step, const P* stage) {
     for_each_index(f_.parameters, [&](auto j) {
       P drive(0.0);
       const auto driven = f_.dependence.driven(j);
       for_each_variable(driven, [&](auto i) {
-        const P& slope = jacobian.by_theta[f_.dependence.theta_start[j] + detail::below(driven, i)];
+        const P& slope = by_theta(stage, f_.dependence.theta_start[j] + detail::below(driven, i));
         drive += square(f_.inverse_scale(i) * slope * step);
       });
       squared_size_of_[j] = max(squared_size_of_[j], drive);
@@ -155,23 +158,25 @@ class Adjoints {
 
   void restore(std::size_t block) {
     State at = starts_[block];
-    for (std::size_t n = 0; n < block_; ++n) take(steps_[block * block_ + n], n, at);
+    for (std::size_t n = 0; n < block_; ++n) take(steps_[block * block_ + n], entries_of(n), at);
   }
 
-  Embedded take(const Step& step, std::size_t at, State& x) {
-    while (jacobian_.size() < (at + 1) * stages) jacobian_.emplace_back().fit_to(f_.dependence);
-    std::array<Jacobian<M, P>*, stages> jacobian;
-    for (std::size_t s = 0; s < stages; ++s) jacobian[s] = &jacobian_[at * stages + s];
-    return take_stages(step, jacobian, x);
+  // What is kept of the step at this place of a block, one stage after the other: the entries that change.
+  P* entries_of(std::size_t at) { return kept_.data() + static_cast<int>(at) * in_step(); }
+  int in_step() const { return stages * f_.dependence.changing; }
+  const P& by_state(const P* stage, int e) const {
+    const int at = f_.dependence.kept_at(e);
+    return at < 0 ? constants_[~at] : stage[at];
   }
+  const P& by_theta(const P* stage, int e) const { return by_state(stage, f_.dependence.by_state + e); }
 
-  FISHERPOINT_HOT Embedded take_stages(const Step& step, const std::array<Jacobian<M, P>*, stages>& jacobian, State& x) const {
+  FISHERPOINT_HOT Embedded take(const Step& step, P* entries, State& x) {
     State rate[Method::stages], ahead;
     for (State& one : rate) fit(one, f_.states);
     fit(ahead, f_.states);
     for_each_index(counted<Equation, stages>(), [&](auto s) {
       for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], Method::a[s], rate, i); });
-      linearise(ahead, step, rate[s], *jacobian[s]);
+      linearise(ahead, step, rate[s], entries + s * f_.dependence.changing);
     });
     Embedded embedded;
     for_each_index(f_.states, [&](auto i) {
@@ -184,21 +189,16 @@ class Adjoints {
     return embedded;
   }
 
-  FISHERPOINT_HOT void linearise(const State& at, const Step& step, State& rate, Jacobian<M, P>& jacobian) const {
-    f_.linearise(at, step.side, rate, jacobian);
+  FISHERPOINT_HOT void linearise(const State& at, const Step& step, State& rate, P* stage) {
+    f_.linearise(at, step.side, rate, [&](int e, const P& slope) {
+      const int place = f_.dependence.kept_at(e);
+      (place < 0 ? constants_[~place] : stage[place]) = slope;
+    });
     for (P& entry : rate) entry *= step.size;
   }
 
   template <bool of_error>
-  void carry(std::size_t n, const State& sum, Row& row) const {
-    std::array<const Jacobian<M, P>*, stages> jacobian;
-    for (std::size_t s = 0; s < stages; ++s) jacobian[s] = &jacobian_[n % block_ * stages + s];
-    carry_back<of_error>(steps_[n].size, jacobian, sum, row.lambda, row.gradient);
-  }
-
-  template <bool of_error>
-  FISHERPOINT_HOT void carry_back(const P& step, const std::array<const Jacobian<M, P>*, stages>& jacobians, const State& sum,
-                                  State& lambda, Gradient& gradient) const {
+  FISHERPOINT_HOT void carry_back(const P& step, const P* entries, const State& sum, State& lambda, Gradient& gradient) const {
     constexpr int first = of_error ? stages : last, behind = stages + 1 + of_error;
     State nu[stages + 2], mu;  // behind the stages: lambda, and the sum of all rows' lambda
     for (State& one : nu) fit(one, f_.states);
@@ -210,7 +210,7 @@ class Adjoints {
       if constexpr (of_error) nu[stages + 1][i] = sum[i];
     });
     for_each_index_down(counted<Equation, first>(), [&](auto s) {
-      const Jacobian<M, P>& jacobian = *jacobians[s];
+      const P* const stage = entries + s * f_.dependence.changing;
       for_each_variable(sensitive, [&](auto i) {
         mu[i] = step * weighted_sum(after(s), counted<Equation, behind>(), P(0.0), weights[s], nu, i);
         nu[s][i] = P(0.0);
@@ -218,13 +218,13 @@ class Adjoints {
       for_each_variable(sensitive, [&](auto i) {
         const auto coupled = f_.dependence.coupled(i);
         for_each_variable(coupled, [&](auto k) {
-          nu[s][k] += jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, k)] * mu[i];
+          nu[s][k] += by_state(stage, f_.dependence.state_start[i] + detail::below(coupled, k)) * mu[i];
         });
       });
       for_each_index(f_.parameters, [&](auto j) {
         const auto driven = f_.dependence.driven(j);
         for_each_variable(driven, [&](auto i) {
-          gradient[j] += jacobian.by_theta[f_.dependence.theta_start[j] + detail::below(driven, i)] * mu[i];
+          gradient[j] += by_theta(stage, f_.dependence.theta_start[j] + detail::below(driven, i)) * mu[i];
         });
       });
       for_each_variable(sensitive, [&](auto i) { lambda[i] += nu[s][i]; });
@@ -232,13 +232,14 @@ class Adjoints {
   }
 
   const Equation& f_;
-  double least_;       // what is added to squared embedded errors of x: if they are far below the tolerance they tell nothing
-  std::size_t block_;  // steps whose Jacobians are kept at a time
+  double least_;  // what is added to squared embedded errors of x: if they are far below the tolerance they tell nothing
   P squared_error_{0.0};                         // estimated, of x, summed over the steps, in units of the states' scales
   Gradient squared_error_of_, squared_size_of_;  // of the rows' sum by each parameter, in units of the rows' scales
   ShelfVector<Step> steps_;
-  ShelfVector<State> starts_;  // of the blocks
-  std::deque<Jacobian<M, P>, ShelfAllocator<Jacobian<M, P>>> jacobian_;
+  ShelfVector<State> starts_;                                                     // of the blocks
+  Numbers<P, std::remove_const_t<decltype(Dependence<M>::constant)>> constants_;  // of the Jacobian
+  std::size_t block_;                                                             // steps of which it is kept at a time
+  HeapArray<P> kept_;
 };
 
 }  // namespace fisherpoint

@@ -20,7 +20,7 @@ template <Variables M>
 void for_each_variable(Set<M>, auto&& f) {
   for_each_variable<M>(f);
 }
-void for_each_variable(Variables set, auto&& f) {
+constexpr void for_each_variable(Variables set, auto&& f) {
   for (; set; set &= set - 1) f(std::countr_zero(set));
 }
 
@@ -60,6 +60,15 @@ constexpr Starts row_starts(Starts starts, int rows, auto&& row) {
   for (int i = 0, at = 0; i < rows; at += std::popcount(row(i++))) starts[i] = at;
   return starts;
 }
+
+// Of entries that change along a trajectory and of those that do not, in two numberings.
+template <class Places>
+struct PlacesKept {
+  Places at;
+  int entries = 0, changing = 0, constant = 0;
+
+  constexpr void add(bool is_constant) { at[entries++] = is_constant ? ~constant++ : changing++; }
+};
 
 }  // namespace detail
 
@@ -261,6 +270,16 @@ class Dependence {
         at[j][i] = (driven_of(j) >> i) & 1 ? theta_start[j] + detail::below(driven_of(j), i) : total(p, driven_of);
     return at;
   }();
+  static constexpr auto places_kept = [] {
+    detail::PlacesKept<std::array<int, total(n_x, coupled_of) + total(p, driven_of)>> places{};
+    const auto constant = [](int i, int k) {
+      if constexpr (requires { M::constant_slopes; }) return (M::constant_slopes[i] >> k) & 1;
+      return Variables{0};
+    };
+    for (int i = 0; i < n_x; ++i) for_each_variable(coupled_of(i), [&](int k) { places.add(constant(i, k)); });
+    for (int j = 0; j < p; ++j) for_each_variable(driven_of(j), [&](int i) { places.add(constant(i, n_x + j)); });
+    return places;
+  }();
   // For every column the first one of its pattern, and the next one, or p.
   static constexpr std::array<std::array<int, 2>, p> patterns = [] {
     std::array<std::array<int, 2>, p> of{};
@@ -277,6 +296,12 @@ class Dependence {
   static constexpr Count<total(n_x, coupled_of)> by_state{};   // entries of f_x
   static constexpr Count<total(p, driven_of) + 1> by_theta{};  // of f_theta, and behind them a zero
   static constexpr Count<total(p, rows_of)> in_columns{};      // of S
+
+  // How many entries of f_x and f_theta may change along a trajectory that stays on its sides of the jumps, and how many do
+  // not. Entry e, those of f_x first, is number kept_at(e) of the former or number ~kept_at(e) of the latter.
+  static constexpr Count<places_kept.changing> changing{};
+  static constexpr Count<places_kept.constant> constant{};
+  static constexpr int kept_at(int e) { return places_kept.at[e]; }
 
   // Where the derivative of f_i by parameter j is among the entries of f_theta; of one that is no entry, the zero's place.
   static constexpr int drive_at(int j, int i) { return place_of_drives[j][i]; }

@@ -42,6 +42,7 @@ struct HydraulicCylinder {
   static constexpr std::array kinks = {Surface{"x_v"}};
   static constexpr std::array domain = {Surface{"p_A - p_t"}, Surface{"p_s - p_A"}, Surface{"p_B - p_t"},
                                         Surface{"p_s - p_B"}, Surface{"V_A"},       Surface{"V_B"}};
+  static constexpr std::array<Variables, 5> constant_slopes = {0b00'0010, 0b10'1110};  // q' by v, v' by v, p_A, p_B and a_tau
 
   auto dynamics(const auto& theta) const {
     const auto& [a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B] = theta;

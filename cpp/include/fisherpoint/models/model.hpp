@@ -57,6 +57,9 @@
 // A model that branches on values of parameters or of states, inside `dynamics` or `output`, says in `varying_states`,
 // `varying_outputs` and `varying_surfaces`, arrays of bool, which of these depend on any parameter: derivatives do not show it.
 //
+// Derivatives of f_i that are the same all along a trajectory, as long as it stays on its sides of the jumps, are kept once for
+// it if the model names them in `constant_slopes`, for every i a set of variables, the states first, then the parameters.
+//
 // Scales. A quantity's scale is the size against which its error is measured: rtol of a state is rtol * scale.
 #pragma once
 

@@ -88,10 +88,10 @@ struct Entry {
 };
 
 // Which states, outputs, and jumps and kinks depend on theta in whatever way, by branches too: not those without a derivative
-// alone. And which jumps trajectories may cross, and beside which jumps and kinks f_x may be rough or without bounds
-// (Dependence).
+// alone. And which jumps trajectories may cross, and beside which jumps and kinks f_x may be rough or without bounds, and of
+// the entries of f's Jacobian, which are constant along a trajectory (Dependence).
 struct Varying {
-  std::vector<bool> states, outputs, surfaces, crossable, rough, steep, closed;
+  std::vector<bool> states, outputs, surfaces, crossable, rough, steep, closed, constant_slopes;
 };
 
 template <>
@@ -124,6 +124,9 @@ class Dependence<TapeModel> {
     by_theta = starts(driven_, theta_start) + 1;
     in_columns = starts(rows_, column_start);
     varying_outputs = static_cast<int>(std::count(varying_.outputs.begin(), varying_.outputs.end(), true));
+    places_kept_.at.resize(rate_entries.size());
+    for (const bool constant_slope : varying_.constant_slopes) places_kept_.add(constant_slope);
+    changing = places_kept_.changing, constant = places_kept_.constant;
   }
 
   Variables rows(int j) const { return rows_[j]; }
@@ -143,15 +146,18 @@ class Dependence<TapeModel> {
   bool any_closed() const { return std::find(varying_.closed.begin(), varying_.closed.end(), true) != varying_.closed.end(); }
   bool any_steep() const { return std::find(varying_.steep.begin(), varying_.steep.end(), true) != varying_.steep.end(); }
   int leader(int j) const { return j; }
+  int kept_at(int e) const { return places_kept_.at[e]; }
   int next_alike(int) const { return static_cast<int>(rows_.size()); }
 
   int by_state, by_theta, in_columns, varying_outputs;  // by_theta counts the zero behind the entries too
+  int changing, constant;                               // entries of f_x and f_theta along a trajectory
   std::vector<int> state_start, theta_start, column_start;
 
  private:
   using Masks = std::vector<Variables>;
   Masks coupled_, driven_, rows_, row_;
   Variables sensitive_;
+  detail::PlacesKept<std::vector<int>> places_kept_;
   int surfaces_;
   Varying varying_;
 };
@@ -303,6 +309,7 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         for (const auto [i, k] : state_entries_) expect(k < n_x, "state_entries: expected derivatives by the states");
         check_entries(rate_entries, n_x, "rate_entries");
         check_entries(output_entries_, n_y, "output_entries");
+        expect(varying.constant_slopes.size() == rate_entries.size(), "constant_slopes: expected one for every entry");
         expect(static_cast<int>(varying.closed.size()) == surfaces - sides,
                "closed: expected one for every limit behind the poles");
         expect(std::find(varying.steep.begin() + n_holds, varying.steep.end(), true) == varying.steep.end(),

@@ -1,5 +1,5 @@
 // Blocks of memory that are quick to take and to drop: while a thread works it keeps those that it drops for the next of their
-// size. Beyond its work it keeps none.
+// size, of large ones one at a time for the next that is no larger. Beyond its work it keeps none.
 #pragma once
 
 #include <array>
@@ -23,6 +23,7 @@ class Shelves {
     here_ = nullptr;
     for (Block* block : free_)
       while (block) release(std::exchange(block, block->next));
+    release(large_);
   }
   Shelves(const Shelves&) = delete;
   Shelves& operator=(const Shelves&) = delete;
@@ -31,6 +32,10 @@ class Shelves {
   // everything is, take many.
   [[gnu::noinline]] static void* take(std::size_t bytes) {
     const std::size_t units = units_of(bytes);
+    if (here_ && units >= sizes && units <= here_->large_units_) {
+      here_->large_units_ = 0;
+      return std::exchange(here_->large_, nullptr);
+    }
     if (here_ && units < sizes && here_->free_[units]) {
       here_->kept_ -= units;
       return std::exchange(here_->free_[units], here_->free_[units]->next);
@@ -39,6 +44,11 @@ class Shelves {
   }
   [[gnu::noinline]] static void drop(void* block, std::size_t bytes) noexcept {
     const std::size_t units = units_of(bytes);
+    if (here_ && units >= sizes && units <= most_kept && !here_->large_) {
+      here_->large_units_ = units;
+      here_->large_ = block;
+      return;
+    }
     if (!here_ || units >= sizes || here_->kept_ + units > most_kept) return release(block);
     here_->kept_ += units;
     here_->free_[units] = new (block) Block{here_->free_[units]};
@@ -55,6 +65,8 @@ class Shelves {
   static inline thread_local Shelves* here_ = nullptr;
   std::array<Block*, sizes> free_{};  // by units
   std::size_t kept_ = 0;              // units, on all shelves
+  void* large_ = nullptr;             // of more units than these shelves have
+  std::size_t large_units_ = 0;
 };
 
 // For a vector that is often made and dropped.

@@ -56,6 +56,9 @@ class Programs:
         Whether derivatives of f have no bounds there.
     closed : tuple of bool
         Of each domain limit that is no pole and not measured, whether f has a value where it is zero.
+    constant_slopes : tuple of bool
+        Of each of `rate_entries`, whether it is constant along a trajectory that stays on its sides of the jumps: it reads neither
+        states nor sides of kinks.
     poles : int
         How many of the domain limits, the first ones, are denominators of either sign.
     measured : int
@@ -89,6 +92,7 @@ class Programs:
     rough: tuple[bool, ...]
     steep: tuple[bool, ...]
     closed: tuple[bool, ...]
+    constant_slopes: tuple[bool, ...]
     poles: int
     measured: int
     reset_count: int
@@ -208,6 +212,7 @@ def build_programs(
         rough=tuple(surfaces.rough) or (False,) * len(sides),
         steep=tuple(surfaces.steep) or (False,) * len(sides),
         closed=tuple(surfaces.closed) or (False,) * (len(surfaces.values) - len(sides) - surfaces.poles - surfaces.measured),
+        constant_slopes=tuple(not _reads_any(graph, node, [*leaves.x, *leaves.side[jumps:]]) for node in rate_nodes),
         poles=surfaces.poles,
         measured=surfaces.measured,
         reset_count=len(resets),
