@@ -47,6 +47,27 @@ TEST_CASE("what goes up and down wavers, what decays does not; the quartic has i
   CHECK_FALSE(of([](double) { return 1.0; }, [](double) { return 0.0; }).clear(1.5));  // as far off as it is high
 }
 
+TEST_CASE("what keeps off zero is clear, does not end next to it, and falls to no less than a quarter; not where it is NaN") {
+  int kept = 0;
+  const auto turn = [](int k, double prime) { return std::fmod(k * std::sqrt(prime), 1.0); };
+  for (int k = 1; k < 20000; ++k) {
+    const double start = turn(k, 2.0) - 0.1, end = turn(k, 3.0) - 0.1, middle = turn(k, 5.0) - 0.1;
+    const auto q = Quartic<double>::through(start, 8 * turn(k, 7.0) - 4, middle, end, 8 * turn(k, 11.0) - 4);
+    if (!q.keeps_off()) continue;
+    ++kept;
+    CHECK((q.b0 > 0 && q.b4 > 0 && q.clear()));
+    CHECK(q.b4 > 0.1 * 4 * (q.b3 - q.b4));
+    CHECK((q.b4 > 0.25 * q.b0 && q.b0 > 0.25 * q.b4));
+  }
+  CHECK(kept > 500);
+  const double nan = std::nan("");
+  CHECK(Quartic<double>::through(1.0, 0.0, 1.0, 1.0, 0.0).keeps_off());
+  for (const auto& q : {Quartic<double>::through(nan, 0, 1, 1, 0), Quartic<double>::through(1, nan, 1, 1, 0),
+                        Quartic<double>::through(1, 0, nan, 1, 0), Quartic<double>::through(1, 0, 1, nan, 0),
+                        Quartic<double>::through(1, 0, 1, 1, nan)})
+    CHECK_FALSE(q.keeps_off());
+}
+
 TEST_CASE("a start on the surface has its zero there") {
   const auto q = of([](double s) { return -s; }, [](double) { return -1.0; });
   CHECK(q.zero() == doctest::Approx(0.0));

@@ -68,6 +68,7 @@ class Integrator {
     fit(resting_, f_.sides);
     fit(along_, f_.surfaces);
     fit(beside_, f_.surfaces);
+    fit(near_, f_.sides);
     if constexpr (has_resets<Equation>) {
       held_.assign(f_.resets, P(-1.0));
       put_on_.assign(f_.resets > 0 ? int{f_.jumps_end} : 0, Lanes::none());
@@ -139,11 +140,32 @@ class Integrator {
                    [&](auto m) { along(m, slide_ ? select(slides(side_[m]), P(1.0), side_[m]) : side_[m]); });
     for_each_index(f_.holds_end, f_.sides, [&](auto m) { along(m, side_[m]); });
     for_each_index(f_.sides, f_.surfaces, [&](auto m) { along(m, P(1.0)); });
-    Mask wavering = Lanes::none();
-    for_each_index(f_.surfaces, [&](auto m) { wavering = wavering | along_[m].wavers(); });
+    const Mask good = running_ & (squared_error_ <= P(1.0));
+    const bool watched = (f_.holds_end > 0 && slide_) || any_rest() || any(good & (brief_step(duration) | tiny_step(duration)));
+    Mask wavering = Lanes::none(), nears_limit = Lanes::none();
+    for_each_index(Count<0>{}, f_.kinks_end, [&](auto m) {
+      wavering = wavering | along_[m].wavers();
+      Mask off = along_[m].keeps_off();
+      if (m < f_.jumps_end) off = off & !turns_towards(m);
+      near_[m] = watched || f_.dependence.steep(m) || any(good & !off);
+    });
+    for_each_index(f_.kinks_end, f_.surfaces, [&](auto m) {
+      wavering = wavering | along_[m].wavers();
+      nears_limit = nears_limit | !along_[m].keeps_off();
+    });
+    near_limit_ = watched || any(good & nears_limit);
     beside_.fill(P(0.0));
-    if (any(wavering & running_)) look_beside(wavering, y, middle);
+    if (any(wavering & good)) look_beside(wavering & good, y, middle);
   }
+
+  // Whether surface m is not so far from all lanes, of those whose error is small enough, that no more is to be asked about it.
+  bool may_matter(auto m) const { return m < f_.kinks_end ? near_[m] : near_limit_; }
+
+  // Steps in which the side of a kink does not matter, and in which a jump is met.
+  Mask brief_step(const P& duration) const { return step_ <= brief * duration; }
+  Mask tiny_step(const P& duration) const { return step_ <= briefest * tolerance_.relative * duration; }
+  // Where surface m is nearer somewhere on the way than at both ends.
+  Mask turns_towards(auto m) const { return (along_[m].b1 <= along_[m].b0) & (along_[m].b3 <= along_[m].b4); }
 
   // Of what must be positive where g is measured: limits.hpp.
   [[gnu::noinline]] void judge_measured(const State& y);
@@ -350,7 +372,9 @@ class Integrator {
   Surfaces end_value_, end_rate_;
   // Of every surface along the step, positive on its own side; and where the step ends next to a kink.
   Retyped<Surfaces, Quartic<P>> along_;
-  Surfaces beside_;  // how far the surfaces' values were seen off that, where they were
+  Surfaces beside_;           // how far the surfaces' values were seen off that, where they were
+  Retyped<Side, bool> near_;  // of jumps and kinks: may_matter
+  bool near_limit_;           // of any limit or pole
   Retyped<Side, Mask> landed_;
   Mask several_landed_;  // next to several surfaces at once, one of them a jump
 };

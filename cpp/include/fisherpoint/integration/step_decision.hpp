@@ -16,9 +16,13 @@ void Integrator<Equation, Method>::control(State& y, const P& duration) {
   Mask to_surface = Lanes::none(), stopped = Lanes::none(), unsure = Lanes::none(), lands = Lanes::none();
   Mask at_kink = Lanes::none(), at_jump = Lanes::none(), over_jump = Lanes::none();
   P next_cap(infinity);
-  const Mask short_step = step_ <= brief * duration, tiny_step = step_ <= briefest * tolerance_.relative * duration;
+  const Mask short_step = brief_step(duration), tiny_step = this->tiny_step(duration);
   const bool brief_steps = any(short_step & good);
   for_each_index(f_.surfaces, [&](auto m) {
+    if (!may_matter(m)) {
+      if (m < f_.kinks_end) landed_[m] = Lanes::none();
+      return;
+    }
     const Quartic<P>& h = along_[m];
     const Mask clear = h.clear(beside_[m]);
     Mask crossed = good & !(h.b4 > zero), unclear = good & !crossed & !clear;
@@ -87,8 +91,7 @@ void Integrator<Equation, Method>::control(State& y, const P& duration) {
         stop((crossed | unclear) & !landed_[m] & !slides(side_[m]) & drowned(m, y), Status::grazes_jump);
         next_cap = select(crossed, min(next_cap, h.zero() * step_), next_cap);
       }
-      const Mask turns =
-          good & !(landed_[m] | crossed | unclear | leaving_[m] | remains | rests) & (h.b1 <= h.b0) & (h.b3 <= h.b4);
+      const Mask turns = good & !(landed_[m] | crossed | unclear | leaving_[m] | remains | rests) & turns_towards(m);
       if (any(turns)) stop_grazing(m, turns, y);
       lands = lands | landed_[m];
       to_surface = to_surface | crossed;
@@ -133,7 +136,8 @@ void Integrator<Equation, Method>::control(State& y, const P& duration) {
   const Mask taken = good & running_ & !to_surface & !unsure;
   if (any(lands & taken)) settle(taken);
   const Mask bad = running_ & !good;
-  if (any(running_ & !taken)) stop_stuck(running_ & !taken & (step_ <= 1e-13 * max(time_, first_try_)), duration);
+  const Mask stuck = running_ & !taken & (step_ <= 1e-13 * max(time_, first_try_));
+  if (any(stuck)) stop_stuck(stuck, duration);
 
   // Step control: error per step, never twice up and down in a row. An estimate that vanishes by chance asks for a step that
   // the one before did not. What asks for more than may be given says nothing, nor does a step that was cut short.

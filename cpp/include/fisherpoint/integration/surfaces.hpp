@@ -56,6 +56,10 @@ void Integrator<Equation, Method>::look_beside(const Mask& lanes, const State& y
   for_each_index(f_.surfaces, [&](auto m) { beside_[m] = select(lanes, beside_[m], P(0.0)); });
   if (f_.holds_end > 0 && slide_)
     for_each_index(Count<0>{}, f_.holds_end, [&](auto m) { beside_[m] = select(slides(side_[m]), P(0.0), beside_[m]); });
+  for_each_index(f_.surfaces, [&](auto m) {
+    const bool unclear = any(lanes & !along_[m].clear(beside_[m]));
+    (m < f_.kinks_end ? near_[m] : near_limit_) |= unclear;
+  });
 }
 
 // Where a surface may lie, or was seen, far beside its quartic.
@@ -72,7 +76,7 @@ template <class Equation, class Method>
 auto Integrator<Equation, Method>::growth_of_distance() const -> P {
   P growth(0.0);
   for_each_index(f_.jumps_end, f_.surfaces, [&](auto m) {
-    if (!f_.dependence.rough(m)) return;
+    if (!f_.dependence.rough(m) || !may_matter(m)) return;
     const Quartic<P>& h = along_[m];
     if (m < f_.holds_end && slide_ && any(slides(side_[m]))) return;  // of which it is what holds them
     const Mask away = (h.b0 > P(0.0)) & (h.b4 > smooth_growth * h.b0) & !behind_kink_;

@@ -24,8 +24,13 @@ struct Quartic {
   // Whether the curve stays positive between its ends, with its margin and by how much the function was seen to be beside it.
   auto clear(const P& beside = P(0.0)) const { return least_inside() > margin() + beside; }
 
-  P least() const { return min(min(b0, b4), least_inside()); }
+  // NaN where any number of it is: all are in b2, and min takes its second.
+  P least() const { return min(min(min(b0, b4), min(b1, b3)), b2); }
   P change() const { return max(max(b0, b4), max(max(b1, b2), b3)) - least(); }
+
+  // Whether it stays so far from zero, for how it changes, that it is positive at its ends and clear between them, and that a
+  // tangent at either end is zero no nearer than half a step beyond it. Not where it is NaN.
+  auto keeps_off() const { return least() > 0.4 * change(); }
 
   // Whether it changes by a good part of what it is, and bends like something that goes up and down: what lies beside it
   // matters.
