@@ -203,3 +203,47 @@ TEST_CASE("sensitivities are carried along runs, whatever shares a pack, and fro
     }
   }
 }
+
+TEST_CASE("runs whose segments take other numbers of steps go on at their own pace, to the same bits as alone") {
+  const Oscillator model;
+  const std::size_t count = 23, segments = 9;
+  std::vector<double> x0, u(count * segments), dt, w;
+  for (std::size_t k = 0; k < count; ++k) {
+    x0.insert(x0.end(), {1.0, 0.1 * k});
+    w.push_back(0.5 + (7 * k % count) * (k % 5 == 0 ? 10.0 : 0.3));
+    for (std::size_t n = 0; n < segments; ++n)
+      dt.push_back(k % 6 == 1 && n + k % 4 >= segments ? 0.0 : 0.1 + 0.5 * ((n + k) % 3));
+  }
+  const std::vector<unsigned char> measured(count * segments, 1);
+  const auto along = [&](std::size_t first, std::size_t last) {
+    const std::size_t some = last - first;
+    struct {
+      std::vector<double> x, y, dx, dy;
+      std::vector<Status> status;
+      std::vector<std::int64_t> reached;
+    } r{std::vector<double>(some * (segments + 1) * 2),
+        std::vector<double>(some * segments),
+        std::vector<double>(some * segments * 2),
+        std::vector<double>(some * segments),
+        std::vector<Status>(some),
+        std::vector<std::int64_t>(some)};
+    run_sensitivity_packs<P, DormandPrince853>(
+        model, Runs{some, segments, x0.data() + 2 * first, u.data(), dt.data() + segments * first, false},
+        RunStart{nullptr, measured.data()}, Parameters{w.data() + first, true}, {1e-9}, Workers(1),
+        {r.x.data(), r.y.data(), r.dx.data(), r.dy.data(), r.status.data(), r.reached.data()});
+    return r;
+  };
+  const auto all = along(0, count);
+  const auto of_run = [](const std::vector<double>& values, std::size_t k, std::size_t each) {
+    return std::vector<double>(values.begin() + k * each, values.begin() + (k + 1) * each);
+  };
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto alone = along(k, k + 1);
+    CHECK(all.status[k] == Status::ok);
+    CHECK(all.reached[k] == alone.reached[0]);
+    CHECK(of_run(all.x, k, (segments + 1) * 2) == alone.x);
+    CHECK(of_run(all.y, k, segments) == alone.y);
+    CHECK(of_run(all.dx, k, segments * 2) == alone.dx);
+    CHECK(of_run(all.dy, k, segments) == alone.dy);
+  }
+}

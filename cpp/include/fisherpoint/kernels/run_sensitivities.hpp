@@ -1,7 +1,8 @@
 // States, outputs and sensitivities along a batch of runs: segment after segment, S carried on from one to the next.
 //
-// A segment of all runs is a batch of experiment points that start at what the last one left (sensitivities.hpp), so that runs
-// with equally many steps share a pack. Nothing of a run depends on the others.
+// A segment of a run is an experiment point that starts at what the last one left (sensitivities.hpp). Segments of several runs
+// share a pack, whichever they are of each, where they take equally many steps: a run waits for others so that lanes are full.
+// Nothing of a run depends on the others.
 #pragma once
 
 #include <algorithm>
@@ -31,83 +32,152 @@ struct RunStart {
   bool doubts = false;  // entries of dx_dtheta that hang on whether a jump comes before a segment's end or behind it are NaN
 };
 
-// Some of the runs, which one thread takes along at a time. Sensitivities are those of runs[first], runs[first + 1], ...
+// Some of the runs, which one thread takes along at a time: runs[first], runs[first + 1], ... up to runs[last - 1].
+template <class M>
 class RunTeam {
+  // Of its lanes, in all steps, a pack has so many at work, or its pieces wait for others; but for no more than so many rounds.
+  static constexpr double full = 0.9;
+  static constexpr int longest_wait = 20;
+
  public:
-  RunTeam(std::size_t first, std::size_t last) : active_(last - first), first_(first) {
-    std::iota(active_.begin(), active_.end(), first);
+  RunTeam(std::size_t first, std::size_t last) : first_(first), starting_(last - first) {
+    std::iota(starting_.begin(), starting_.end(), std::size_t{0});
   }
 
-  bool done() const { return active_.empty(); }
+  bool done() const { return starting_.empty() && waiting_.empty(); }
 
   // To the end, or for as long as a thread stays.
-  template <class P, class Method, class M>
+  template <class P, class Method>
   void advance(const M& model, const Runs& runs, const RunStart& start, const Parameters& parameters,
                const Tolerance& tolerance, const SensitiveRuns& out) {
+    constexpr std::size_t width = lanes_of<P>::width;
     const auto shape = shape_of(model);
-    const std::size_t n_x = shape.states, n_y = shape.outputs, n_u = shape.inputs, p = shape.parameters, n = runs.segments;
-    if (segment_ == 0) begin(runs, start, n_x, n_y, p, out);
+    const Shelves shelves;
+    if (segment_.empty()) begin(shape, runs, start, parameters, out);
+    const Points points{segment_.size(), x0_.data(), u_.data(), dt_.data()};
+    const Parameters of_pieces{theta_.data(), true};
+    const Carried carried{s_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data()};
+    const SensitiveTrajectories reached{x_.data(), y_.data(), s_after_.data(), dy_.data(), status_.data()};
     const auto leave = std::chrono::steady_clock::now() + stay;
-    for (; !active_.empty() && std::chrono::steady_clock::now() < leave; ++segment_) {
-      std::erase_if(active_, [&](auto k) { return segment_ == n || runs.dt_of(k, segment_) == 0.0; });
-      const std::size_t count = active_.size();
-      if (count == 0) return;
-      resize(count, n_x, n_y, n_u, p);
-      for (std::size_t i = 0; i < count; ++i) {
-        const std::size_t k = active_[i];
-        std::copy_n(out.x + (k * (n + 1) + segment_) * n_x, n_x, &x0_[i * n_x]);
-        std::copy_n(runs.u_of(k, segment_, shape.inputs), n_u, u_.data() + i * n_u);
-        std::copy_n(parameters.of(k, shape.parameters), p, theta_.data() + i * p);
-        std::copy_n(s_.data() + (k - first_) * n_x * p, n_x * p, s_before_.data() + i * n_x * p);
-        dt_[i] = runs.dt_of(k, segment_);
-        step_[i] = step_of_[k - first_];
-        stiff_[i] = stiff_of_[k - first_];
-        measured_[i] = start.measured[k * n + segment_];
-        if (goes_on_from_ends(shape)) ends_[i] = &end_of_[k - first_];
-      }
-      const Carried carried{s_before_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data()};
-      sensitivity_packs<P, Method>(model, Points{count, x0_.data(), u_.data(), dt_.data()}, Parameters{theta_.data(), true},
-                                   tolerance, Workers(1), {x_.data(), y_.data(), s_after_.data(), dy_.data(), status_.data()},
-                                   &carried);
-      for (std::size_t i = 0; i < count; ++i) {
-        const std::size_t k = active_[i], at = k * n + segment_;
-        for (std::size_t ahead = segment_ + 1; ahead <= n; ++ahead)  // behind the last segment the state stays
-          std::copy_n(&x_[i * n_x], n_x, out.x + (k * (n + 1) + ahead) * n_x);
-        std::copy_n(&y_[i * n_y], n_y, out.y + at * n_y);
-        out.status[k] = status_[i];
-        if (status_[i] != Status::ok) continue;
-        ++out.reached[k];
-        if (out.dx_dtheta) std::copy_n(s_after_.data() + i * n_x * p, n_x * p, out.dx_dtheta + at * n_x * p);
-        if (out.dx_dtheta && start.doubts && goes_on_from_ends(shape))
-          mark_doubts(end_of_[k - first_], std::span(out.dx_dtheta + at * n_x * p, n_x * p));
-        std::copy_n(dy_.data() + i * n_y * p, n_y * p, out.dy_dtheta + at * n_y * p);
-        std::copy_n(s_after_.data() + i * n_x * p, n_x * p, s_.data() + (k - first_) * n_x * p);
-        step_of_[k - first_] = step_[i];
-        stiff_of_[k - first_] = stiff_[i];
-        if (goes_on_from_ends(shape)) end_of_[k - first_].u.assign(u_.data() + i * n_u, u_.data() + (i + 1) * n_u);
-      }
-      std::erase_if(active_, [&](auto k) { return out.status[k] != Status::ok; });
+    while (!done() && std::chrono::steady_clock::now() < leave) {
+      const std::size_t beginning = waiting_.empty() ? starting_.size() : starting_.size() / width * width;
+      const std::vector<std::size_t> begun(starting_.begin(), starting_.begin() + beginning);
+      starting_.erase(starting_.begin(), starting_.begin() + beginning);
+      for (const std::size_t i : begun) begin_piece(shape, runs, start, i, out);
+      in_packs(Workers(1), begun, width,
+               [&](auto rows) { find_paths<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached); });
+      waiting_.insert(waiting_.end(), begun.begin(), begun.end());
+      end_pieces(shape, runs, start, out);  // that have failed
+      in_packs(Workers(1), full_packs(width), width, [&](auto rows) {
+        follow_columns<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
+      });
+      end_pieces(shape, runs, start, out);
     }
   }
 
  private:
-  void begin(const Runs& runs, const RunStart& start, std::size_t n_x, std::size_t n_y, std::size_t p,
+  void begin(const Shape<M>& shape, const Runs& runs, const RunStart& start, const Parameters& parameters,
              const SensitiveRuns& out) {
-    const std::size_t n = runs.segments;
-    for (const std::size_t k : active_) {
-      for (std::size_t segment = 0; segment <= n; ++segment)
-        std::copy_n(runs.x0 + k * n_x, n_x, out.x + (k * (n + 1) + segment) * n_x);
+    const std::size_t count = starting_.size(), n = runs.segments, n_x = shape.states, n_y = shape.outputs,
+                      p = shape.parameters;
+    for (const auto& [numbers, each] : {std::pair{&x0_, n_x},
+                                        {&x_, n_x},
+                                        {&y_, n_y},
+                                        {&u_, std::size_t(shape.inputs)},
+                                        {&theta_, p},
+                                        {&dt_, 1ul},
+                                        {&step_, 1ul},
+                                        {&s_, n_x * p},
+                                        {&s_after_, n_x * p},
+                                        {&dy_, n_y * p}})
+      numbers->assign(count * each, 0.0);
+    if (start.s) std::copy_n(start.s + first_ * n_x * p, s_.size(), s_.data());
+    segment_.assign(count, 0);
+    waited_.assign(count, 0);
+    stiff_.assign(count, 0);
+    measured_.assign(count, 0);
+    status_.assign(count, Status::ok);
+    end_.assign(count, SegmentEnd{});
+    paths_.resize(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t k = first_ + i;
+      ends_.push_back(&end_[i]);
+      std::copy_n(parameters.of(k, shape.parameters), p, theta_.data() + i * p);
+      std::copy_n(runs.x0 + k * n_x, n_x, out.x + k * (n + 1) * n_x);
       std::fill_n(out.y + k * n * n_y, n * n_y, 0.0);
       if (out.dx_dtheta) std::fill_n(out.dx_dtheta + k * n * n_x * p, n * n_x * p, 0.0);
       std::fill_n(out.dy_dtheta + k * n * n_y * p, n * n_y * p, 0.0);
       out.status[k] = Status::ok;
       out.reached[k] = 0;
     }
-    s_.assign(active_.size() * n_x * p, 0.0);
-    if (start.s) std::copy_n(start.s + first_ * n_x * p, s_.size(), s_.data());
-    step_of_.assign(active_.size(), 0.0);
-    end_of_.assign(active_.size(), SegmentEnd{});
-    stiff_of_.assign(active_.size(), 0);
+    std::erase_if(starting_, [&](auto i) { return !goes_on(shape, runs, i, out); });
+  }
+
+  // Whether run i has a next segment; behind the last one the state stays.
+  bool goes_on(const Shape<M>& shape, const Runs& runs, std::size_t i, const SensitiveRuns& out) {
+    const std::size_t k = first_ + i, n = runs.segments, n_x = shape.states;
+    if (out.status[k] == Status::ok && segment_[i] < n && runs.dt_of(k, segment_[i]) > 0.0) return true;
+    double* const x = out.x + k * (n + 1) * n_x;
+    for (std::size_t ahead = segment_[i] + 1; ahead <= n; ++ahead) std::copy_n(x + segment_[i] * n_x, n_x, x + ahead * n_x);
+    return false;
+  }
+
+  void begin_piece(const Shape<M>& shape, const Runs& runs, const RunStart& start, std::size_t i, const SensitiveRuns& out) {
+    const std::size_t k = first_ + i, n = runs.segments, n_x = shape.states, n_u = shape.inputs;
+    std::copy_n(out.x + (k * (n + 1) + segment_[i]) * n_x, n_x, x0_.data() + i * n_x);
+    std::copy_n(runs.u_of(k, segment_[i], shape.inputs), n_u, u_.data() + i * n_u);
+    dt_[i] = runs.dt_of(k, segment_[i]);
+    measured_[i] = start.measured[k * n + segment_[i]];
+    waited_[i] = 0;
+  }
+
+  void end_pieces(const Shape<M>& shape, const Runs& runs, const RunStart& start, const SensitiveRuns& out) {
+    std::erase_if(waiting_, [&](auto i) {
+      if (paths_[i].size() > 0) return false;
+      end_piece(shape, runs, start, i, out);
+      return true;
+    });
+  }
+
+  void end_piece(const Shape<M>& shape, const Runs& runs, const RunStart& start, std::size_t i, const SensitiveRuns& out) {
+    const std::size_t k = first_ + i, n = runs.segments, at = k * n + segment_[i]++;
+    const std::size_t n_x = shape.states, n_y = shape.outputs, n_u = shape.inputs, p = shape.parameters;
+    std::copy_n(x_.data() + i * n_x, n_x, out.x + (k * (n + 1) + segment_[i]) * n_x);
+    std::copy_n(y_.data() + i * n_y, n_y, out.y + at * n_y);
+    out.status[k] = status_[i];
+    if (status_[i] == Status::ok) {
+      ++out.reached[k];
+      const std::span<const double> s(s_after_.data() + i * n_x * p, n_x * p);
+      if (out.dx_dtheta) std::copy(s.begin(), s.end(), out.dx_dtheta + at * n_x * p);
+      if (out.dx_dtheta && start.doubts && goes_on_from_ends(shape))
+        mark_doubts(end_[i], std::span(out.dx_dtheta + at * n_x * p, n_x * p));
+      std::copy_n(dy_.data() + i * n_y * p, n_y * p, out.dy_dtheta + at * n_y * p);
+      std::copy(s.begin(), s.end(), s_.data() + i * n_x * p);
+      if (goes_on_from_ends(shape)) end_[i].u.assign(u_.data() + i * n_u, u_.data() + (i + 1) * n_u);
+    }
+    if (goes_on(shape, runs, i, out)) starting_.push_back(i);
+  }
+
+  // Those of the waiting pieces that fill packs, by the number of their steps.
+  std::vector<std::size_t> full_packs(std::size_t width) {
+    std::stable_sort(waiting_.begin(), waiting_.end(), [&](auto a, auto b) { return paths_[a].size() < paths_[b].size(); });
+    std::vector<std::size_t> filling;
+    std::span<const std::size_t> fullest;
+    double most = 0.0;
+    for (std::size_t first = 0; first < waiting_.size(); first += width) {
+      const std::span pack(waiting_.data() + first, std::min(width, waiting_.size() - first));
+      std::size_t steps = 0;
+      bool long_enough = false;
+      for (const std::size_t i : pack) {
+        steps += paths_[i].size();
+        long_enough = ++waited_[i] > longest_wait || long_enough;
+      }
+      const double share = static_cast<double>(steps) / (width * paths_[pack.back()].size());
+      if (share >= full || long_enough) filling.insert(filling.end(), pack.begin(), pack.end());
+      if (share > most) fullest = pack, most = share;
+    }
+    if (filling.empty() && starting_.size() < width) filling.assign(fullest.begin(), fullest.end());
+    return filling;
   }
 
   static void mark_doubts(const SegmentEnd& end, std::span<double> s) {
@@ -116,34 +186,17 @@ class RunTeam {
       if (end.between || s[e] != end.other_s[e]) s[e] = std::numeric_limits<double>::quiet_NaN();
   }
 
-  void resize(std::size_t count, std::size_t n_x, std::size_t n_y, std::size_t n_u, std::size_t p) {
-    for (const auto& [numbers, each] : {std::pair{&x0_, n_x},
-                                        {&x_, n_x},
-                                        {&y_, n_y},
-                                        {&u_, n_u},
-                                        {&theta_, p},
-                                        {&dt_, 1ul},
-                                        {&step_, 1ul},
-                                        {&s_before_, n_x * p},
-                                        {&s_after_, n_x * p},
-                                        {&dy_, n_y * p}})
-      numbers->resize(count * each);
-    stiff_.resize(count);
-    ends_.resize(count);
-    measured_.resize(count);
-    status_.resize(count);
-  }
-
-  std::vector<std::size_t> active_;  // runs that go on
-  std::size_t first_, segment_ = 0;
-  // Of all runs of the team, at the start of the segment.
-  std::vector<double> s_, step_of_;
-  std::vector<unsigned char> stiff_of_;
-  std::vector<SegmentEnd> end_of_;
-  // Of the active ones, at its start and end.
-  std::vector<double> x0_, u_, theta_, dt_, step_, s_before_, x_, y_, s_after_, dy_;
+  std::size_t first_;
+  std::vector<std::size_t> starting_, waiting_;  // runs, from first_ on: for their next segment, and for S along it
+  // Of every run: the segment, its point and its path, what it carries on, and for how many rounds it has waited for others.
+  std::vector<std::size_t> segment_;
+  std::vector<int> waited_;
+  std::vector<double> x0_, u_, theta_, dt_, s_, step_;
   std::vector<unsigned char> stiff_, measured_;
+  std::vector<SegmentEnd> end_;
   std::vector<SegmentEnd*> ends_;
+  std::vector<PointPath<M>> paths_;
+  std::vector<double> x_, y_, s_after_, dy_;  // at the segment's end
   std::vector<Status> status_;
 };
 
@@ -153,10 +206,10 @@ void run_sensitivity_packs(const M& model, const Runs& runs, const RunStart& sta
   constexpr std::size_t width = lanes_of<P>::width, most = 1024;
   const std::size_t packs = (runs.count + width - 1) / width, threads = static_cast<std::size_t>(workers.threads());
   const std::size_t together = std::clamp((packs + threads - 1) / threads * width, width, std::max(width, most));
-  std::vector<RunTeam> teams;
+  std::vector<RunTeam<M>> teams;
   for (std::size_t first = 0; first < runs.count; first += together)
     teams.emplace_back(first, std::min(first + together, runs.count));
-  while (std::erase_if(teams, [](const RunTeam& team) { return team.done(); }), !teams.empty()) {
+  while (std::erase_if(teams, [](const RunTeam<M>& team) { return team.done(); }), !teams.empty()) {
     if (workers.interrupted()) throw Interrupted{};
     workers.for_each(teams.size(), [&](std::size_t t) {
       teams[t].template advance<P, Method>(model, runs, start, parameters, tolerance, out);
