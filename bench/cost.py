@@ -3,7 +3,8 @@
 Counts show a slower kernel where times are noise. They are of caches of 32 kB with eight ways, as most processors have. The work is
 `tests/cpp/cost.cpp`, compiled for x86-64-v3 (valgrind knows no AVX-512); what it cost when somebody last took responsibility for
 it is in `cost.json`. `search` has points that a search for a design of the cylinder asks for: 600 of the 326,509 of
-``exchange(problem, 12, seed=0)`` with `examples/cylinder.toml`, drawn evenly (`data/search_points.csv`).
+``exchange(problem, 12, seed=0)`` with `examples/cylinder.toml`, drawn evenly (`data/search_points.csv`). `search` and `runs` go on
+over jumps, as searches do.
 """
 
 from __future__ import annotations

@@ -31,6 +31,9 @@ namespace {
 
 constexpr std::array relative_std = {0.3, 0.2, 0.05, 0.2, 0.2, 0.1, 0.3, 0.1, 0.1};
 
+// As searches have it.
+constexpr Tolerance over_jumps{.cross_jumps = true};
+
 struct Batch {
   std::vector<double> x0, u, dt;
 
@@ -131,17 +134,17 @@ std::size_t covariances(const Batch& batch, const PriorNodes& nodes) {
 
 enum class Result { states, columns, rows };
 
-std::size_t trajectories(const Batch& batch, Result result) {
+std::size_t trajectories(const Batch& batch, Result result, const Tolerance& tolerance = {}) {
   const std::size_t count = batch.dt.size();
   std::vector<double> x(5 * count), y(4 * count), lasted(count), dx(45 * count), dy(36 * count);
   std::vector<Status> status(count);
   const Parameters parameters{cylinder_theta.data(), false};
   counted([&] {
     if (result == Result::states)
-      simulate(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
+      simulate(HydraulicCylinder{}, batch.points(), parameters, tolerance, Workers(1),
                {x.data(), y.data(), status.data(), lasted.data()});
     else
-      sensitivities(HydraulicCylinder{}, batch.points(), parameters, {}, Workers(1),
+      sensitivities(HydraulicCylinder{}, batch.points(), parameters, tolerance, Workers(1),
                     {x.data(), y.data(), result == Result::columns ? dx.data() : nullptr, dy.data(), status.data()});
   });
   return count;
@@ -149,7 +152,7 @@ std::size_t trajectories(const Batch& batch, Result result) {
 
 // Runs of the cylinder through both sides of the valve, all of whose segments are measured. A trajectory is a segment.
 std::size_t runs() {
-  constexpr std::size_t count = 8, segments = 24;
+  constexpr std::size_t count = 15, segments = 24;
   std::vector<double> x0, u, dt(count * segments, 4e-3);
   for (std::size_t k = 0; k < count; ++k) {
     x0.insert(x0.end(), {0.1 + 0.01 * k, 0.02, 8e6, 9e6, 0.1});
@@ -162,7 +165,7 @@ std::size_t runs() {
   const std::vector<unsigned char> measured(count * segments, 1);
   counted([&] {
     run_sensitivities(HydraulicCylinder{}, {count, segments, x0.data(), u.data(), dt.data(), false}, {nullptr, measured.data()},
-                      {cylinder_theta.data(), false}, {}, Workers(1),
+                      {cylinder_theta.data(), false}, over_jumps, Workers(1),
                       {x.data(), y.data(), dx.data(), dy.data(), status.data(), reached.data()});
   });
   std::size_t done = 0;
@@ -180,7 +183,7 @@ int main(int argc, char** argv) {
   if (kind == "simulate") done = trajectories(spread(400), Result::states);
   if (kind == "columns") done = trajectories(spread(400), Result::columns);
   if (kind == "rows") done = trajectories(spread(400), Result::rows);
-  if (kind == "search" && argc == 3) done = trajectories(of_file(argv[2]), Result::rows);
+  if (kind == "search" && argc == 3) done = trajectories(of_file(argv[2]), Result::rows, over_jumps);
   if (kind == "runs") done = runs();
   if (done == 0) {
     std::fputs("expected tensor, sparse, simulate, columns, rows, search and a file, or runs, and candidates that survive\n",
