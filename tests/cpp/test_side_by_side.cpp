@@ -83,7 +83,7 @@ TEST_CASE("a tape side by side") {
   const TapeModel decay(
       {1, 0, 1, 1, 0, 0, 0, 0}, {1.0},
       {{{}, {}, {{O::mul, 3, 0, 1, 0}}, {3}, 4}, x, none, none, none, jacobian, {{}, {}, {}, {1, 1}, 3}, none}, {}, {{0, 1}},
-      {{0, 0}}, {}, {{true}, {true}, {}, {}, {}, {}, {}});
+      {{0, 0}}, {}, {{true}, {true}, {}, {}, {}, {}, {}, {false}});
   const double rate = -0.7;
   Values x0, dt;
   for (int k = 0; k < 200; ++k) x0.push_back(1.0 + 0.01 * k), dt.push_back(0.1 + 0.01 * k);

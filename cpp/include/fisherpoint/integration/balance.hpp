@@ -19,7 +19,7 @@ auto Integrator<Equation, Method>::balance(auto m, const Mask& lanes, const P& r
   };
   const Mask up = lanes & (r_minus > zero) & none(r_plus, r_minus),
              down = lanes & !up & (r_plus < zero) & none(r_minus, r_plus);
-  Balance found{up | down, Lanes::none(), Lanes::none(), select(up, P(1.0), P(-1.0))};
+  Balance found{Mask(up | down), Lanes::none(), Lanes::none(), select(up, P(1.0), P(-1.0))};
   if (!any(found.lanes)) return found;
   Side held = side_;
   held[m] = select(found.lanes, zero, side_[m]);
