@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from cli_mistakes import DATA, DECAY, ENZYME, FILES
+from cli_files import DATA, DECAY, ENZYME, FILES
 from fisherpoint.basics.standard_input import held
 from fisherpoint.design.file.configuration import load_config
 from fisherpoint.design.file.first_file import PLACES, example_texts

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cli_mistakes import FILES, MISTAKES
+from cli_files import FILES
+from cli_mistakes import MISTAKES
 from fisherpoint_command import cli
 
 

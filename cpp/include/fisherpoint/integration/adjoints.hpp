@@ -3,8 +3,8 @@
 //     mu_i = h (b_i lambda + sum_{j>i} a_ji nu_j),  nu_i = f_x(Y_i)^T mu_i,
 //     gradient += sum f_theta(Y_i)^T mu_i,          lambda += sum nu_i.
 // Rows equal those of the columns (tangents.hpp) over the same steps, to rounding. They cost the more the more rows there are,
-// columns the more parameters. What of the Jacobians is constant along a trajectory is kept once: it must stay on its sides of
-// the jumps.
+// columns the more parameters. Entries of the Jacobians that are constant along a trajectory are kept once: a trajectory must
+// stay on its sides of the jumps.
 //
 // The error is estimated by one more row for all. The embedded error of a step, e = h sum e_i f(Y_i), changes y by lambda^T e;
 // how that changes with theta is a gradient too: eta goes back beside the rows, with b_i eta + e_i lambda in place of b_i
@@ -164,11 +164,11 @@ class Adjoints {
   // What is kept of the step at this place of a block, one stage after the other: the entries that change.
   P* entries_of(std::size_t at) { return kept_.data() + static_cast<int>(at) * in_step(); }
   int in_step() const { return stages * f_.dependence.changing; }
-  const P& by_state(const P* stage, int e) const {
+  const P& entry(const P* stage, int e) const {
     const int at = f_.dependence.kept_at(e);
     return at < 0 ? constants_[~at] : stage[at];
   }
-  const P& by_theta(const P* stage, int e) const { return by_state(stage, f_.dependence.by_state + e); }
+  const P& by_theta(const P* stage, int e) const { return entry(stage, f_.dependence.by_state + e); }
 
   FISHERPOINT_HOT Embedded take(const Step& step, P* entries, State& x) {
     State rate[Method::stages], ahead;
@@ -218,7 +218,7 @@ class Adjoints {
       for_each_variable(sensitive, [&](auto i) {
         const auto coupled = f_.dependence.coupled(i);
         for_each_variable(coupled, [&](auto k) {
-          nu[s][k] += by_state(stage, f_.dependence.state_start[i] + detail::below(coupled, k)) * mu[i];
+          nu[s][k] += entry(stage, f_.dependence.state_start[i] + detail::below(coupled, k)) * mu[i];
         });
       });
       for_each_index(f_.parameters, [&](auto j) {
@@ -232,13 +232,13 @@ class Adjoints {
   }
 
   const Equation& f_;
-  double least_;  // what is added to squared embedded errors of x: if they are far below the tolerance they tell nothing
+  double least_;  // what is added to squared embedded errors of x: if they are far below the tolerance they are rounding
   P squared_error_{0.0};                         // estimated, of x, summed over the steps, in units of the states' scales
   Gradient squared_error_of_, squared_size_of_;  // of the rows' sum by each parameter, in units of the rows' scales
   ShelfVector<Step> steps_;
   ShelfVector<State> starts_;                                                     // of the blocks
   Numbers<P, std::remove_const_t<decltype(Dependence<M>::constant)>> constants_;  // of the Jacobian
-  std::size_t block_;                                                             // steps of which it is kept at a time
+  std::size_t block_;                                                             // steps whose Jacobians are kept at a time
   HeapArray<P> kept_;
 };
 

@@ -158,7 +158,7 @@ class Integrator {
     if (any(wavering & good)) look_beside(wavering & good, y, middle);
   }
 
-  // Whether surface m is not so far from all lanes, of those whose error is small enough, that no more is to be asked about it.
+  // Whether surface m is near a lane whose error is small enough; one that is near none has no part in the step's decision.
   bool may_matter(auto m) const { return m < f_.kinks_end ? near_[m] : near_limit_; }
 
   // Steps in which the side of a kink does not matter, and in which a jump is met.

@@ -24,13 +24,15 @@ class CallableModel(DescribedModel):
     The functions are called with x (K, n_x), u (K, n_u) and p (K, p), whose columns can be read by name, ``p.k1 * x.h1``; known
     constants are attributes of p. They return an array (K, n), or a list of n entries each a number or (K,).
 
-    Trajectories are integrated one by one with `scipy.integrate.solve_ivp`, on one core, whatever `threads` says. Within long steps
-    the functions are looked at 50 times per duration, so that no step goes over what lasts longer than that, such as a bump that no
-    stage of the step has seen; this costs a fifth more time. Where one did, steps are kept as short as these looks. Sensitivities
-    come from the equations of variation with derivatives of f and g along their directions: by complex step where the functions
-    take complex numbers and do not lose them, which is tried once, else by central differences; where rounding may cost these a
-    thousandth of a sensitivity, as it does where f is of numbers that are far larger, the status is `step_limit`. A `UserWarning`
-    at the first use says which, and what it costs. Equations (`SymbolicModel`) are a thousand times faster and more.
+    Trajectories are integrated one by one with `scipy.integrate.solve_ivp`, on one core, whatever `threads` says. Within long
+    steps the functions are looked at 50 times per duration, so that no step goes over what lasts longer than that, such as a bump
+    that no stage of the step has seen; this costs a fifth more time. Where one did, steps are kept as short as these looks.
+    Sensitivities come from the equations of variation with derivatives of f and g along their directions: by complex step where
+    the functions take complex numbers and do not lose them, which is tried once, else by central differences; where rounding may
+    cost these a thousandth of a sensitivity, as it does where f is of numbers that are far larger, the status is `step_limit`.
+    Just on a jump, or where a slope is infinite on one side, derivatives are those of the side on which the value lies, and at a
+    corner differences give the mean of both sides; where neither side has one, the status is `not_finite`. A `UserWarning` at the
+    first use says which, and what it costs. Equations (`SymbolicModel`) are a thousand times faster and more.
 
     Parameters
     ----------

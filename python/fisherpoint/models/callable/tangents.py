@@ -22,10 +22,10 @@ SMALL = 1e-3
 """Size of a sensitivity, as a share of the state's natural size, below which what it loses is absolute."""
 
 SMOOTH, STEEP = 1e-8, 1e-3
-"""Shares of a function's size: what a second difference and a first one are below where nothing is looked at."""
+"""Shares of a function's size: a function whose second and first differences are below these is taken for smooth."""
 
 SHORTER, GROWTH, ROUNDINGS = 8.0, 1.1, 100.0
-"""By what a step is shortened where a function is looked at, and by what a chord and its rounding may grow with that."""
+"""By what a step is shortened where a function may not be smooth, and by what a chord and its rounding may grow with that."""
 
 OTHERS = 32
 """States at random at which a function is tried with complex numbers."""
@@ -86,8 +86,8 @@ def _complex_steps(values: Values, p: int) -> tuple[Array, Array]:
         both = values(1j * np.array([LONGER_STEP, -LONGER_STEP]), np.array([k, k]))
         longer, opposite = np.imag(both) / [[LONGER_STEP], [-LONGER_STEP]]
         jumped = np.abs(np.real(both[1]) - value) > SMOOTH * np.abs(value) + LONGER_STEP * (1 + np.abs(opposite))
-        slopes[k] = np.where(beside[k], np.where(jumped, np.nan, opposite), slopes[k])
-        slopes[k] = np.where(~beside[k] & (np.abs(slopes[k]) > GROWTH * np.abs(longer)), np.nan, slopes[k])
+        infinite = np.abs(slopes[k]) > GROWTH * np.abs(longer)
+        slopes[k] = np.where(beside[k], np.where(jumped, np.nan, opposite), np.where(infinite, np.nan, slopes[k]))
     return value, slopes.T
 
 
