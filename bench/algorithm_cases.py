@@ -40,7 +40,7 @@ def fitzhugh_nagumo() -> fp.DesignProblem:
     )
     prior = fp.GaussianPrior(mean={"a": 0.2, "b": 0.2, "c": 3.0}, std={"a": 0.04, "b": 0.04, "c": 0.3})
     region = fp.ExperimentRegion({"V": (-2, 2), "R": (-1, 1), "I": (-0.5, 0.5), "dt": (0.05, 2)})
-    return fp.DesignProblem(model, prior, region, noise_std={"y": 0.05})
+    return fp.DesignProblem(model, prior, region, noise={"y": 0.05})
 
 
 def arrhenius() -> fp.DesignProblem:
@@ -57,7 +57,7 @@ def arrhenius() -> fp.DesignProblem:
     mean = {"k_1": 0.1, "E_1": 8.0, "k_2": 0.03, "E_2": 10.0}
     prior = fp.GaussianPrior(mean=mean, std={name: 0.1 * value for name, value in mean.items()})
     region = fp.ExperimentRegion({"A": (0, 1), "B": (0, 1), "T": (320, 380), "dt": (0.5, 60)}, constraints=["A + B < 1.2"])
-    return fp.DesignProblem(model, prior, region, noise_std={"y_A": 0.01, "y_B": 0.01})
+    return fp.DesignProblem(model, prior, region, noise={"y_A": 0.01, "y_B": 0.01})
 
 
 def quadratic(factors: int) -> fp.DesignProblem:
@@ -76,7 +76,7 @@ def quadratic(factors: int) -> fp.DesignProblem:
         {"y": "1"},
     )
     prior = fp.GaussianPrior(mean=dict.fromkeys(parameters, 0.0), std=dict.fromkeys(parameters, 1.0))
-    return fp.DesignProblem(model, prior, fp.ExperimentRegion(dict.fromkeys(names, (-1.0, 1.0))), noise_std={"y": 1.0})
+    return fp.DesignProblem(model, prior, fp.ExperimentRegion(dict.fromkeys(names, (-1.0, 1.0))), noise={"y": 1.0})
 
 
 KINDS = ("noise", "region", "pooled", "pointwise")

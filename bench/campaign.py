@@ -127,12 +127,12 @@ def measure(quick: bool, tell: Callable[[str], None], runs: int | None = None, t
 def _run(problem: fp.DesignProblem, single: fp.Experiments, number: int, iterations: int, threads: int | None) -> Run:
     theta = _truth(problem, number)
     z = ((theta - problem.theta) / problem.std).tolist()
-    model, noise_std = problem.model, problem.noise_std
-    assert noise_std is not None
+    model, noise = problem.model, problem.noise
+    assert noise is not None
     found: list[Outcome | None] = []
     failures = []
     for way, seed in ((_campaign, 2 * number), (_single, 2 * number + 1)):
-        rig = fp.VirtualRig(model, theta, noise_std, seed=seed)
+        rig = fp.VirtualRig(model, theta, noise, seed=seed)
         try:
             with warnings.catch_warnings():
                 warnings.filterwarnings("ignore", "[0-9]+ of [0-9]+ points are not measured", RuntimeWarning)

@@ -75,7 +75,7 @@ def default_problem(output_covariance: str, rule: Rule | None = None) -> fp.Desi
     """The default cylinder with its sensors, without points that meet a jump, as it has always been measured."""
     model = fp.HydraulicCylinder()
     prior = fp.GaussianPrior(mean=model.nominal, relative_std=RELATIVE_STD)
-    problem = fp.DesignProblem(model, prior, REGION, noise_std=NOISE_STD, output_covariance=output_covariance, jumps="exclude")
+    problem = fp.DesignProblem(model, prior, REGION, noise=NOISE_STD, output_covariance=output_covariance, jumps="exclude")
     return problem if rule is None else problem.replace(rule=rule)
 
 

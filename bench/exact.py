@@ -62,7 +62,7 @@ def _cases() -> Iterator[tuple[str, fp.DesignProblem, fp.Experiments, range | tu
 def _problem(of: str, mean: dict[str, float], bounds: dict[str, tuple[float, float]]) -> fp.DesignProblem:
     model = fp.SymbolicModel([], [of], {}, dict.fromkeys(bounds, "1"), dict.fromkeys(mean, "1"), {"y": "1"})
     region = fp.ExperimentRegion(bounds)
-    return fp.DesignProblem(model, fp.GaussianPrior(mean, mean), region, noise_std={"y": 1.0}, rule=fp.LinearizedRule())
+    return fp.DesignProblem(model, fp.GaussianPrior(mean, mean), region, noise={"y": 1.0}, rule=fp.LinearizedRule())
 
 
 def _at(u: np.ndarray) -> fp.Experiments:

@@ -74,5 +74,5 @@ def motor_log(samples: int, seed: int = 0) -> tuple[fp.DesignProblem, fp.Record]
     u = levels[np.maximum.accumulate(np.where(changes, np.arange(samples), 0))]
     start = {"i": 0.1, "w": float((u[0] - 0.23) / problem.prior.mean["K"])}
     y = fp.simulate_record(problem.model, t, u, problem.prior.mean, start).y
-    noise = list((problem.noise_std or {}).values())
+    noise = list((problem.noise or {}).values())
     return problem, fp.Record(t, u, y + np.array(noise) * rng.standard_normal(y.shape))

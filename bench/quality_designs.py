@@ -40,7 +40,7 @@ ROUNDS, FRESH, NEAR = 160, 50, 12
 def problem(noise: float = 1.0, kind: str = "noise") -> fp.DesignProblem:
     """The default problem with `noise` times the default std, without points that meet a jump."""
     std = {name: noise * value for name, value in NOISE_STD.items()}
-    return fp.DesignProblem(MODEL, PRIOR, REGION, noise_std=std, rule=RULE, output_covariance=kind, jumps="exclude")
+    return fp.DesignProblem(MODEL, PRIOR, REGION, noise=std, rule=RULE, output_covariance=kind, jumps="exclude")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ def searched(kind: str, bare: bool = False, paper: bool = False) -> Callable[[fl
     def design(noise: float, seed: int) -> Candidate:
         asked = problem(noise, kind)
         if bare:
-            asked = asked.replace(noise_std=None)
+            asked = asked.replace(noise=None)
         if paper:
             asked = asked.replace(rule=fp.TensorGrid(levels=3, span=1.5))
         found = fp.exchange(asked, N, seed=seed, method=fp.ExchangeMethod("paper", references=False, local=0.0 if paper else 0.5))

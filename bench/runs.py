@@ -111,7 +111,7 @@ CASES: tuple[Callable[[], RunProblem], ...] = (reactor, decay, yeast, cylinder)
 
 def _problem(model: fp.Model, mean: dict[str, float], noise: dict[str, float], region: fp.RunRegion) -> fp.DesignProblem:
     prior = fp.GaussianPrior(mean, {name: 0.1 * value for name, value in mean.items()})
-    return fp.DesignProblem(model, prior, region, noise_std=noise)
+    return fp.DesignProblem(model, prior, region, noise=noise)
 
 
 def measure(quick: bool, show: Callable[[str], None]) -> list[RunFigures]:

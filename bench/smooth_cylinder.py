@@ -29,7 +29,7 @@ def problem(place: str) -> fp.DesignProblem:
     _, bounds, constraints = PLACES[place]
     prior = fp.GaussianPrior(SHARP.nominal, relative_std=RELATIVE_STD)
     region = fp.ExperimentRegion({**REGION.bounds, **bounds}, constraints)
-    return fp.DesignProblem(SHARP, prior, region, noise_std=NOISE_STD, jumps="exclude")
+    return fp.DesignProblem(SHARP, prior, region, noise=NOISE_STD, jumps="exclude")
 
 
 def accuracy(place: str, design: fp.Design) -> Iterator[list[str]]:

@@ -52,7 +52,7 @@ def cart(stroke: float, segments: int = 50, dt: float = 0.5) -> fp.DesignProblem
     )  # fmt: skip
     region = fp.RunRegion({"x": 0.0, "v": 0.0, "u": (-1, 1), "dt": dt}, segments)
     prior = fp.GaussianPrior({"b": 2.0, "c": 1.0}, relative_std={"b": 0.1, "c": 0.2})
-    return fp.DesignProblem(model, prior, region, noise_std={"x_m": 0.01}, along=[f"abs(x) < {stroke}"])
+    return fp.DesignProblem(model, prior, region, noise={"x_m": 0.01}, along=[f"abs(x) < {stroke}"])
 
 
 def arm(segments: int = 40) -> fp.DesignProblem:
@@ -63,7 +63,7 @@ def arm(segments: int = 40) -> fp.DesignProblem:
     )  # fmt: skip
     region = fp.RunRegion({"phi": 0.0, "w": 0.0, "u": (-10, 10), "dt": 0.1}, segments)
     prior = fp.GaussianPrior({"k": 8.0, "a": 12.0, "d": 0.4}, relative_std={"k": 0.1, "a": 0.1, "d": 0.3})
-    return fp.DesignProblem(model, prior, region, noise_std={"phi_m": 0.01}, along=["abs(phi) < 1.2"])
+    return fp.DesignProblem(model, prior, region, noise={"phi_m": 0.01}, along=["abs(phi) < 1.2"])
 
 
 def tanks(segments: int = 24) -> fp.DesignProblem:
@@ -82,7 +82,7 @@ def tanks(segments: int = 24) -> fp.DesignProblem:
     mean = {"A": 0.5} | {f"k_{i}": 0.002 for i in each}
     prior = fp.GaussianPrior(mean, relative_std=dict.fromkeys(mean, 0.1))
     limits = [f"0.1 < h_{i} < 0.9" for i in each]
-    return fp.DesignProblem(model, prior, region, noise_std={f"y_{i}": 0.01 for i in each}, along=limits)
+    return fp.DesignProblem(model, prior, region, noise={f"y_{i}": 0.01 for i in each}, along=limits)
 
 
 def cylinder() -> fp.DesignProblem:
@@ -107,7 +107,7 @@ def rests(segments: int = 12) -> fp.DesignProblem:
     )  # fmt: skip
     region = fp.RunRegion({"h_1": (0.1, 0.9), "h_2": (0.1, 0.9), "u": (0, 10), "dt": 10.0}, segments, rest=fp.Rest({"u": 4.0}))
     prior = fp.GaussianPrior({"b": 5e-4, "k_1": 3e-3, "k_2": 3.2e-3}, relative_std={"b": 0.05, "k_1": 0.05, "k_2": 0.05})
-    return fp.DesignProblem(model, prior, region, noise_std={"y": 0.005}, along=["0.05 < h_1 < 0.9", "0.05 < h_2 < 0.9"])
+    return fp.DesignProblem(model, prior, region, noise={"y": 0.005}, along=["0.05 < h_1 < 0.9", "0.05 < h_2 < 0.9"])
 
 
 @dataclass(frozen=True)

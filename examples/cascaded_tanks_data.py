@@ -73,7 +73,7 @@ def results(estimation: fp.Record, validation: fp.Record) -> Iterator[Result]:
     """Fits of one model after the other."""
     for model in (plain, with_overflow, with_leaks):
         bounds = {"s1": (None, SPILL_RATE)} if "s1" in model.nominal else {}  # what spills faster only takes longer to simulate
-        fit = fp.estimate(model, estimation, start=spread(model), noise_std=NOISE_STD, bounds=bounds, starts=16, rtol=1e-7)
+        fit = fp.estimate(model, estimation, start=spread(model), noise=NOISE_STD, bounds=bounds, starts=16, rtol=1e-7)
         x0 = {name: fit.estimate[f"x0_{name}"] for name in LEVELS}
         simulated = fp.simulate_record(model, validation.t, validation.u, fit.theta, x0)
         yield Result(fit, *(float(np.sqrt(np.mean(np.square(e)))) for e in (fit.residuals, validation.y - simulated.y)))

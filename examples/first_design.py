@@ -6,8 +6,8 @@ prior = fp.GaussianPrior(mean=model.nominal, relative_std=relative_std)
 region = fp.ExperimentRegion(
     dict(q=(0.03, 0.27), v=(-0.25, 0.25), p_A=(2e6, 19e6), p_B=(2e6, 19e6), x_v=(-1, 1), u=(-1, 1), dt=(1e-3, 1e-2))
 )
-noise_std = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
-problem = fp.DesignProblem(model, prior, region, noise_std=noise_std)
+noise = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
+problem = fp.DesignProblem(model, prior, region, noise=noise)
 
 design = fp.exchange(problem, n_experiments=12, max_iterations=200)
 design.points.to_csv("design.csv", model)

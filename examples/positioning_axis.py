@@ -15,6 +15,6 @@ prior = fp.GaussianPrior(mean=mean, std={**problem.prior.std, "g": 0.05 * mean["
 print(f"\nwith an unknown one:\n{fp.identifiability(model, prior, problem.region)}")
 
 # The same is seen in the points: F is singular.
-unknown = fp.DesignProblem(model, prior, region=None, noise_std=problem.noise_std)
+unknown = fp.DesignProblem(model, prior, region=None, noise=problem.noise)
 evaluation = fp.evaluate(unknown, design.points)
 print(f"\nthe design's points: rank {evaluation.rank} of {len(mean)}")

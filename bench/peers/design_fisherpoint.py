@@ -27,6 +27,6 @@ def solve(case: DesignCase, variant: str) -> list[float]:
     )
     prior = fp.GaussianPrior(mean=case.parameters, std={name: 0.1 * value for name, value in case.parameters.items()})
     bounds = {name: (value, value) for name, value in case.start} | {case.factor if static else "dt": case.bounds}
-    problem = fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise_std={"measured": case.sigma})
+    problem = fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise={"measured": case.sigma})
     points = fp.exchange(problem, case.n_points).points
     return [float(value) for value in (points.u[:, 0] if static else points.dt)]

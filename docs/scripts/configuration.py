@@ -125,10 +125,10 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         '[prior_correlation]\n"V_0A, V_0B" = 0.5\n',
         {},
     ),
-    "noise_std": (
+    "noise": (
         "Standard deviation of the sensor noise, by name of the output. With this table only the outputs that it names are"
         " measured; without it all are, and no standard errors are computed.",
-        '[noise_std]\nq = { value = 5e-6, unit = "m" }\np_A = 2e4\np_B = 2e4\nx_v = 1e-3\n',
+        '[noise]\nq = { value = 5e-6, unit = "m" }\np_A = 2e4\np_B = 2e4\nx_v = 1e-3\n',
         {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
     "uncertain": (
@@ -258,7 +258,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
 }
 
 SAID: dict[str, str] = {
-    "design.output_covariance": '`"noise"` with `[noise_std]`, else `"region"`',
+    "design.output_covariance": '`"noise"` with `[noise]`, else `"region"`',
     "design.parameters": "all",
     "rule.kind": '`"sparse_gauss_hermite"`',
     "cost.fixed": "0",

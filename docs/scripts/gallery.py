@@ -121,7 +121,7 @@ def make(example: Example) -> None:
     fit = None
     if example.of_fit:
         data = fp.Measurements.from_table(EXAMPLES / f"{example.name}.csv", problem.model)
-        fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std if example.noise_known else None)
+        fit = fp.estimate(problem.model, data, problem.prior, noise=problem.noise if example.noise_known else None)
     for kind, file in pictures(example):
         figure = found.plot(kind) if kind in example.of_design or fit is None else fit.plot(kind)
         (IMAGES / file).write_bytes(encoded(figure, "png", DPI))

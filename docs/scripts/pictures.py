@@ -36,8 +36,8 @@ def campaign() -> None:
     problem = cylinder()
     mean, names = problem.prior.mean, problem.prior.names
     prior = fp.GaussianPrior({name: mean[name] for name in names}, {name: 2 * problem.prior.std[name] for name in names})
-    assert problem.noise_std is not None
-    rig = fp.VirtualRig(problem.model, dict(mean) | {"c_L": 2.6e-9}, problem.noise_std, seed=1)
+    assert problem.noise is not None
+    rig = fp.VirtualRig(problem.model, dict(mean) | {"c_L": 2.6e-9}, problem.noise, seed=1)
     found = fp.Campaign(problem.replace(prior=prior), batch=6, targets=0.02)
     for _ in range(4):
         found.tell(rig.measure(found.next()))

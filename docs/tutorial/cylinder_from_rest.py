@@ -15,7 +15,7 @@ import fisherpoint as fp
 model = fp.HydraulicCylinder()
 shares = {"a_tau": 0.3, "b_tau": 0.2, "m_q": 0.05, "E_oil": 0.2, "p_t": 0.2, "B_v": 0.1, "c_L": 0.3, "V_0A": 0.1, "V_0B": 0.1}
 prior = fp.GaussianPrior(mean=model.nominal, relative_std=shares)
-noise_std = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
+noise = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
 
 # %% [markdown]
 # A run begins at rest, with pressures that hold the piston. The search chooses where the piston stands, and the valve's set value
@@ -24,7 +24,7 @@ noise_std = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
 # %%
 at_rest = {"v": 0.0, "p_A": 5e6, "p_B": 10.382e6, "x_v": 0.0}
 region = fp.RunRegion({"q": (0.03, 0.27), **at_rest, "u": (-1.0, 1.0), "dt": 5e-3}, segments=20)
-problem = fp.DesignProblem(model, prior, region, noise_std=noise_std, along=["0.01 < q < 0.29"])
+problem = fp.DesignProblem(model, prior, region, noise=noise, along=["0.01 < q < 0.29"])
 
 # %% [markdown]
 # ## The run
@@ -58,7 +58,7 @@ design.plot("runs", path="runs.png")
 
 # %%
 truth = dict(prior.mean) | {"c_L": 3.2e-9, "E_oil": 1.05e9, "a_tau": 470.0}
-rig = fp.VirtualRig(model, truth, noise_std, seed=4)
+rig = fp.VirtualRig(model, truth, noise, seed=4)
 data = rig.measure(design.runs, repeats=2)
 print(data)
 
@@ -66,7 +66,7 @@ print(data)
 # ## Estimated
 
 # %%
-fit = fp.estimate(model, data, prior, noise_std=noise_std)
+fit = fp.estimate(model, data, prior, noise=noise)
 for name in ("c_L", "E_oil", "a_tau"):
     off = (fit.estimate[name] - truth[name]) / fit.standard_errors[name]
     print(f"{name}: {fit.estimate[name]:.4g}, the truth is {truth[name]:.4g}", "within 4 std errors" if abs(off) < 4 else "")

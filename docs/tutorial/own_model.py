@@ -87,7 +87,7 @@ print(found.identifiable, found.rank)
 # %%
 known = tank.fix(eta=0.92)
 prior = fp.GaussianPrior({"C": 1500.0, "G": 2.0}, relative_std={"C": 0.1, "G": 0.3})
-problem = fp.DesignProblem(known, prior, region, noise_std={"T": 0.05})
+problem = fp.DesignProblem(known, prior, region, noise={"T": 0.05})
 print(fp.identifiability(known, prior, region).identifiable)
 
 # %% [markdown]

@@ -26,8 +26,8 @@ def tanks(x, u, p):
 
 prior = fp.GaussianPrior({"k1": 0.02, "k2": 0.02, "c": 0.002}, relative_std={"k1": 0.3, "k2": 0.3, "c": 0.2})
 region = fp.ExperimentRegion({"h1": (0.05, 0.5), "h2": (0.05, 0.5), "u": (0.0, 5.0), "dt": (1.0, 60.0)})
-problem = fp.DesignProblem(tanks, prior, region, noise_std={"h2": 0.002})
-rig = fp.VirtualRig(tanks, {"k1": 0.026, "k2": 0.017, "c": 0.0017}, noise_std={"h2": 0.002}, seed=5)
+problem = fp.DesignProblem(tanks, prior, region, noise={"h2": 0.002})
+rig = fp.VirtualRig(tanks, {"k1": 0.026, "k2": 0.017, "c": 0.0017}, noise={"h2": 0.002}, seed=5)
 
 # %% [markdown]
 # The rig's parameters are up to a standard deviation off the prior's mean, and nobody but the rig knows them.
@@ -68,7 +68,7 @@ print(campaign.fit.converged)
 at_once = fp.exchange(
     problem, n_experiments=4 * len(campaign.history), max_iterations=40, method=fp.ExchangeMethod(references=False)
 )
-alone = fp.estimate(tanks, rig.measure(at_once.points), prior, noise_std={"h2": 0.002})
+alone = fp.estimate(tanks, rig.measure(at_once.points), prior, noise={"h2": 0.002})
 print({name: f"{100 * share:.2f} %" for name, share in alone.rse.items()})
 
 # %% [markdown]

@@ -47,8 +47,8 @@ def compare(
         from .written_results import write_shown, write_tables
     config = read_config(file)
     problem = config.problem()
-    if problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every output, as designs are compared by it")
+    if problem.noise is None:
+        raise config.error("noise", "missing; expected the noise of every output, as designs are compared by it")
     points = read_designs(designs, problem)
 
     def plan() -> list[Row]:

@@ -29,7 +29,7 @@ def show_plan(problem: fp.DesignProblem, files: Sequence[Path], work: Iterable[R
 def problem_rows(problem: fp.DesignProblem) -> list[Row]:
     """Model, what is estimated, noise, region, and how expectations are taken."""
     model, region = problem.model, problem.region
-    noise = problem.noise_std or {}
+    noise = problem.noise or {}
     rule = problem.rule
     rows = [
         ("model", f"{model.name}: {_kinds(model)}"),

@@ -44,7 +44,7 @@ def estimate(
     ],
     column: Columns = None,
     noise: Annotated[
-        Noise | None, typer.Option(help="Known: \\[noise_std]; estimated: from the residuals. Default: known if the file has it.")
+        Noise | None, typer.Option(help="Known: \\[noise]; estimated: from the residuals. Default: known if the file has it.")
     ] = None,
     no_prior: Annotated[
         bool,
@@ -72,9 +72,9 @@ def estimate(
         from .written_results import write_shown
     config = read_config(file)
     problem = config.problem()
-    if noise is Noise.known and problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every measured output with --noise known")
-    known = problem.noise_std is not None and noise is not Noise.estimated
+    if noise is Noise.known and problem.noise is None:
+        raise config.error("noise", "missing; expected the noise of every measured output with --noise known")
+    known = problem.noise is not None and noise is not Noise.estimated
     for path in (path for k, path in enumerate(data) if path.resolve() in [other.resolve() for other in data[:k]]):
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     files = DataFiles(config, column, data)
@@ -96,7 +96,7 @@ def estimate(
             None if no_prior else problem.prior,
             start=problem.prior if no_prior else None,
             parameters=problem.parameters,
-            noise_std=problem.noise_std if known else None,
+            noise=problem.noise if known else None,
             # Noise that is estimated has what is drawn anew in it.
             deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
             threads=frame.threads,

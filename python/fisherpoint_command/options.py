@@ -75,7 +75,7 @@ Designs = Annotated[
 
 
 class Noise(StrEnum):
-    """Whether the file's [noise_std] counts, or the noise is estimated from the residuals."""
+    """Whether the file's [noise] counts, or the noise is estimated from the residuals."""
 
     known = "known"
     estimated = "estimated"

@@ -31,7 +31,7 @@ def measured(problem: fp.DesignProblem, points: fp.Experiments | fp.Runs, seed: 
     from fisherpoint.show.numbers import counted
 
     starts = problem.initial_state_std
-    rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise_std or {}, initial_state_std=starts, seed=seed)
+    rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise or {}, initial_state_std=starts, seed=seed)
     data = rig.measure(points)
     what = counted(len(points), points.kind)
     return measurements_csv(data.points, data.y, problem.model), f"{what} measured virtually at the prior mean, seed {seed}"
@@ -123,7 +123,7 @@ def simulate(
     ] = None,
     noise: Annotated[
         bool,
-        typer.Option("--noise", help="Virtual data, which estimate reads: with noise by \\[noise_std] and \\[initial_state_std]."),
+        typer.Option("--noise", help="Virtual data, which estimate reads: with noise by \\[noise] and \\[initial_state_std]."),
     ] = False,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Of the noise; default 0.")] = None,
     threads: Threads = None,
@@ -154,15 +154,15 @@ def simulate(
         raise ConfigError(f"--seed: expected only with --noise, whose random numbers it gives; given {seed} without")
     config = read_config(file)
     problem = config.problem()
-    if noise and problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every output with --noise")
+    if noise and problem.noise is None:
+        raise config.error("noise", "missing; expected the noise of every output with --noise")
     model = problem.model
     experiments = read_data(points, "points", read_points, model)
     to_standard_output = output is not None and str(output) == "-"
     if output is not None and not to_standard_output:
         check_file(output, force)
     if check:
-        virtual = [("noise", f"by [noise_std], seed {seed or 0}")] if noise else []
+        virtual = [("noise", f"by [noise], seed {seed or 0}")] if noise else []
         return show_plan(
             problem, [file, points], [points_row("points", experiments), *virtual, about(size_of(experiments))], output
         )

@@ -30,8 +30,8 @@ RUN_PICTURES = "fisherpoint.design.runs.run_pictures"
 def design_of_runs(frame: Frame, config: Config, settings: dict[str, Any], file: Path) -> int:
     """Search for runs; write design.csv, plan.csv, design.json, report.txt, pictures and report.html."""
     problem = config.problem()
-    if problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every output, which runs are designed for")
+    if problem.noise is None:
+        raise config.error("noise", "missing; expected the noise of every output, which runs are designed for")
 
     def compute(_: Drawers) -> Outcome:
         with opened(frame.workers) as workers:

@@ -65,8 +65,8 @@ def sweep(
     if config.region is None or config.runs is not None:
         raise config.error("region", "expected bounds of every state, every input and dt, without a table [runs]")
     problem, cost = config.problem(), config.build_cost()
-    if problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every output, as sizes are compared by it")
+    if problem.noise is None:
+        raise config.error("noise", "missing; expected the noise of every output, as sizes are compared by it")
     if budget is not None and not budget >= 0:
         raise ConfigError(f"--budget: expected a cost of at least 0, given {budget:g}")
     if budget is not None and cost is None:

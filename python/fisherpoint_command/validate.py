@@ -43,7 +43,7 @@ def validate(
         int, typer.Option("-n", "--runs", min=1, max=10**6, metavar="N", help="Virtual experiments with each design.")
     ] = 1000,
     theta: Annotated[Truth, typer.Option(help="True parameters: drawn from the prior for each run, or its mean.")] = Truth.prior,
-    noise: Annotated[Noise, typer.Option(help="Whether the fits know \\[noise_std] or estimate it.")] = Noise.known,
+    noise: Annotated[Noise, typer.Option(help="Whether the fits know \\[noise] or estimate it.")] = Noise.known,
     use_prior: Annotated[bool, typer.Option("--use-prior", help="Use the prior in the fits and in the promise.")] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
 ) -> int:
@@ -61,8 +61,8 @@ def validate(
         from .written_results import write_shown, write_tables
     config = read_config(file)
     problem = config.problem()
-    if problem.noise_std is None:
-        raise config.error("noise_std", "missing; expected the noise of every output, from which the promise is computed")
+    if problem.noise is None:
+        raise config.error("noise", "missing; expected the noise of every output, from which the promise is computed")
     points = read_designs(designs, problem)
 
     def plan() -> list[Row]:
@@ -81,7 +81,7 @@ def validate(
                 runs=runs,
                 theta=theta.value,
                 seed=seed,
-                noise=noise.value,
+                noise_known=noise is Noise.known,
                 use_prior=use_prior,
                 threads=frame.threads,
                 workers=workers,

@@ -56,7 +56,7 @@ def tank_runs(**changes: Any) -> fp.DesignProblem:
 
 def _tanks_in(region: Any) -> fp.DesignProblem:
     prior = fp.GaussianPrior({"k1": 1.0, "k2": 0.8}, relative_std={"k1": 0.2, "k2": 0.3})
-    return fp.DesignProblem(tanks(), prior, region, noise_std={"y": 0.01, "z": 0.02}, rule=fp.GaussHermite(3))
+    return fp.DesignProblem(tanks(), prior, region, noise={"y": 0.01, "z": 0.02}, rule=fp.GaussHermite(3))
 
 
 def line() -> fp.DesignProblem:
@@ -186,9 +186,9 @@ def profile(threads: int) -> Any:
     return given.profile("k1", threads=threads)
 
 
-case("estimate of points", fp.estimate, tanks(), rig().measure(tank_points()), noise_std={"y": 0.01, "z": 0.02})
+case("estimate of points", fp.estimate, tanks(), rig().measure(tank_points()), noise={"y": 0.01, "z": 0.02})
 case("estimate of runs", fp.estimate, tanks(), rig().measure(driven()), tank_problem().prior)
 case("estimate of a record", fp.estimate, tanks(), record(), tank_problem().prior)
 case("profile", profile)
 case("validate", fp.validate, tank_problem(), {"points": tank_points()[:6]}, runs=20)
-case("validate runs", fp.validate, tank_runs(), {"runs": driven()}, runs=10, noise="estimated")
+case("validate runs", fp.validate, tank_runs(), {"runs": driven()}, runs=10, noise_known=False)

@@ -94,7 +94,7 @@ def _campaign(into: Path, threads: int) -> None:
     _run("campaign", file, "-o", into / "run", threads=threads)
     problem = fp.load_problem(file)
     batch = fp.Experiments.from_csv(into / "run" / "batch_1.csv", problem.model)
-    measured = fp.VirtualRig(problem.model, dict(problem.prior.mean), dict(problem.noise_std or {}), seed=0).measure(batch)
+    measured = fp.VirtualRig(problem.model, dict(problem.prior.mean), dict(problem.noise or {}), seed=0).measure(batch)
     measured.to_csv(into / "measured.csv", problem.model)
     _run("campaign", file, "-o", into / "run", "--data", into / "measured.csv", threads=threads)
 

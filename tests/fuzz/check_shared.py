@@ -54,7 +54,7 @@ def check_shared(bench: Bench) -> None:
     prior = fp.GaussianPrior(THETA, relative_std=dict.fromkeys(THETA, 0.3))
     noise = dict(zip("yv", NOISE.tolist(), strict=True))
     more: dict[str, Any] = {kind: of or None for kind, of in chosen.items()}
-    problem = fp.DesignProblem(model_of(tuple(THETA)), prior, None, noise_std=noise, output_covariance="noise", **more)
+    problem = fp.DesignProblem(model_of(tuple(THETA)), prior, None, noise=noise, output_covariance="noise", **more)
     if expected is None:
         bench.figures.count("shared: singular")
         return

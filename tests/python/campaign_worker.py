@@ -53,7 +53,7 @@ def run(problem: fp.DesignProblem, directory: Path) -> None:
         campaign = fp.Campaign(problem, 2, targets=0.01, seed=3, directory=directory, threads=1, **quick)
     truth = problem.theta * (1.0 + 0.1 * (-1.0) ** sum(map(ord, problem.model.name)))
     while len(campaign.history) < BATCHES:
-        rig = fp.VirtualRig(problem.model, truth, problem.noise_std or {}, seed=len(campaign.history))
+        rig = fp.VirtualRig(problem.model, truth, problem.noise or {}, seed=len(campaign.history))
         campaign.tell(rig.measure(campaign.next()))
 
 

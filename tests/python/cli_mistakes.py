@@ -89,23 +89,21 @@ MISTAKES: dict[str, Mistake] = {
     "misspelt key": enzyme("relative_std = 0.20", "relativ_std = 0.20", "prior.V.relativ_std", '(did you mean "relative_std"?)'),
     "missing parameter": enzyme("K = { mean", "# K = { mean", "prior.K: missing; expected {mean = "),
     "unknown parameter": enzyme(
-        "[noise_std]", "k_cat = { mean = 1.0, std = 0.1 }\n\n[noise_std]", "unknown key prior.k_cat; expected one of V, K"
+        "[noise]", "k_cat = { mean = 1.0, std = 0.1 }\n\n[noise]", "unknown key prior.k_cat; expected one of V, K"
     ),
     "correlation of one": enzyme(
-        "[noise_std]", "[prior_correlation]\nV = 0.5\n\n[noise_std]", "prior_correlation", "expected two parameters"
+        "[noise]", "[prior_correlation]\nV = 0.5\n\n[noise]", "prior_correlation", "expected two parameters"
     ),
     "correlation above one": enzyme(
-        "[noise_std]",
-        '[prior_correlation]\n"V, K" = 1.5\n\n[noise_std]',
+        "[noise]",
+        '[prior_correlation]\n"V, K" = 1.5\n\n[noise]',
         'prior_correlation."V, K": expected a number < 1, given 1.5',
     ),
-    "noise of nothing": enzyme("rate = 10.9", "rate = 0", "noise_std.rate", "expected a number > 0, given 0"),
+    "noise of nothing": enzyme("rate = 10.9", "rate = 0", "noise.rate", "expected a number > 0, given 0"),
     "noise of a stranger": enzyme(
-        "rate = 10.9", "rates = 10.9", 'unknown key noise_std.rates; expected one of rate (did you mean "rate"?)'
+        "rate = 10.9", "rates = 10.9", 'unknown key noise.rates; expected one of rate (did you mean "rate"?)'
     ),
-    "measures something else": cylinder(
-        '{ value = 2e4, unit = "Pa" }', '{ value = 2e4, unit = "kg" }', "noise_std.p_A", "Pa", "kg"
-    ),
+    "measures something else": cylinder('{ value = 2e4, unit = "Pa" }', '{ value = 2e4, unit = "kg" }', "noise.p_A", "Pa", "kg"),
     "no unit": cylinder(
         'm_q   = { mean = 150.0,    relative_std = 0.05, unit = "kg" }',
         'm_q   = { mean = 150.0,    relative_std = 0.05, unit = "kilo" }',
@@ -137,8 +135,8 @@ MISTAKES: dict[str, Mistake] = {
     "unknown method": enzyme("max_iterations = 200", 'method = "best"', 'design.method: expected "paper" or "auto", given "best"'),
     "noise that is not there": Mistake(
         "design wrong.toml -o out",
-        ('wrong.toml: design.output_covariance: expected a table [noise_std] with "noise", given none',),
-        {"wrong.toml": edited(ENZYME, ("[noise_std]\nrate = 10.9\n", ""), ("[design]", '[design]\noutput_covariance = "noise"'))},
+        ('wrong.toml: design.output_covariance: expected a table [noise] with "noise", given none',),
+        {"wrong.toml": edited(ENZYME, ("[noise]\nrate = 10.9\n", ""), ("[design]", '[design]\noutput_covariance = "noise"'))},
     ),
     "parameter to estimate": enzyme(
         "[design]", '[design]\nparameters = ["V", "k"]', "design.parameters: expected names from V, K", 'given "k"'
@@ -230,8 +228,8 @@ MISTAKES: dict[str, Mistake] = {
     "seed without noise": Mistake("simulate enzyme.toml points.csv --seed 1", ("--seed: expected only with --noise", "given 1")),
     "noise that is not known": Mistake(
         "simulate wrong.toml points.csv --noise",
-        ("wrong.toml: noise_std: missing; expected the noise of every output with --noise",),
-        {"wrong.toml": edited(ENZYME, ("[noise_std]\nrate = 10.9\n", ""))},
+        ("wrong.toml: noise: missing; expected the noise of every output with --noise",),
+        {"wrong.toml": edited(ENZYME, ("[noise]\nrate = 10.9\n", ""))},
     ),
     "points kept of runs": Mistake(
         "design reactor.toml -o out --keep runs.csv", ("--keep: expected a file with points to design; reactor.toml has",)

@@ -43,7 +43,7 @@ def problem(**changes: Any) -> fp.DesignProblem:
         "model": MODEL,
         "prior": PRIOR,
         "region": fp.ExperimentRegion(REGION),
-        "noise_std": NOISE,
+        "noise": NOISE,
         "rule": SMALL,
     }
     return fp.DesignProblem(**(arguments | changes))

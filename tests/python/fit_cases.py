@@ -28,6 +28,6 @@ def cylinder(T_1: float = 2.2e-3) -> tuple[fp.DesignProblem, fp.Measurements]:
     design = fp.exchange(
         problem, n_experiments=12, n_candidates=30, max_iterations=5, seed=1, method=fp.ExchangeMethod(references=False)
     )
-    data = fp.VirtualRig(problem.model, dict(problem.prior.mean), problem.noise_std, seed=2).measure(design.points)
+    data = fp.VirtualRig(problem.model, dict(problem.prior.mean), problem.noise, seed=2).measure(design.points)
     model = fp.HydraulicCylinder(T_1=T_1)
-    return fp.DesignProblem(model, problem.prior, None, noise_std=problem.noise_std), data
+    return fp.DesignProblem(model, problem.prior, None, noise=problem.noise), data

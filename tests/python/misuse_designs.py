@@ -139,7 +139,7 @@ def design_cases() -> dict[str, Case]:
             model=of_model,
             prior=(prior(), PRIOR),
             region=(region(), NONE),
-            noise_std=(NOISE, NONE),
+            noise=(NOISE, NONE),
             rule=(fp.SparseGaussHermite(1),),
             output_covariance=("noise", NONE),
             parameters=(["k"], NONE, NAMES),
@@ -155,7 +155,7 @@ def design_cases() -> dict[str, Case]:
         "DesignProblem.replace": case(
             lambda **changes: problem().replace(**changes),
             prior=(prior(), PRIOR),
-            noise_std=(NOISE, NONE),
+            noise=(NOISE, NONE),
             parameters=(["k"], NONE, NAMES),
             rtol=rtol,
         ),

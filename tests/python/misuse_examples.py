@@ -51,13 +51,13 @@ def run_data() -> fp.Measurements:
 
 @cache
 def problem() -> fp.DesignProblem:
-    return fp.DesignProblem(model(), prior(), region(), noise_std=NOISE)
+    return fp.DesignProblem(model(), prior(), region(), noise=NOISE)
 
 
 @cache
 def run_problem() -> fp.DesignProblem:
     region = fp.RunRegion({"h": 1.0, "u": (0.1, 1.0), "dt": (0.2, 0.5)}, 3)
-    return fp.DesignProblem(model(), prior(), region, noise_std=NOISE)
+    return fp.DesignProblem(model(), prior(), region, noise=NOISE)
 
 
 @cache
@@ -78,7 +78,7 @@ def log_pieces() -> fp.Pieces:
 
 @cache
 def fit() -> fp.Fit:
-    return fp.estimate(model(), data(), noise_std=NOISE)
+    return fp.estimate(model(), data(), noise=NOISE)
 
 
 @cache
@@ -115,7 +115,7 @@ def files() -> Path:
     record().to_csv(directory / "record.csv", model())
     (directory / "model.toml").write_text(model().to_toml())
     rest = "".join(f"[prior.{name}]\nmean = {value}\nstd = 0.1\n" for name, value in THETA.items())
-    (directory / "problem.toml").write_text(model().to_toml() + "\n[noise_std]\ny = 0.01\n" + rest)
+    (directory / "problem.toml").write_text(model().to_toml() + "\n[noise]\ny = 0.01\n" + rest)
     design().save(directory / "design")
     fp.Campaign(problem(), batch=2, directory=directory / "campaign")
     return directory

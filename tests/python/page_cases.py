@@ -64,15 +64,15 @@ def problem() -> fp.DesignProblem:
     model = fp.HydraulicCylinder()
     prior = fp.GaussianPrior(mean=model.nominal, relative_std=STD)
     noise = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
-    return fp.DesignProblem(model, prior, fp.ExperimentRegion(BOUNDS), noise_std=noise, rule=fp.LinearizedRule())
+    return fp.DesignProblem(model, prior, fp.ExperimentRegion(BOUNDS), noise=noise, rule=fp.LinearizedRule())
 
 
 @cache
 def results() -> dict[str, Any]:
     """By the names of their classes."""
     design = fp.exchange(problem(), n_experiments=12, n_candidates=5, max_iterations=4)
-    rig = fp.VirtualRig(design.problem.model, design.problem.prior.mean, design.problem.noise_std or {}, seed=1)
-    fit = fp.estimate(design.problem.model, rig.measure(design.points), design.problem.prior, noise_std=design.problem.noise_std)
+    rig = fp.VirtualRig(design.problem.model, design.problem.prior.mean, design.problem.noise or {}, seed=1)
+    fit = fp.estimate(design.problem.model, rig.measure(design.points), design.problem.prior, noise=design.problem.noise)
     from_rest = fp.RunRegion(dict(q=(0.03, 0.27), v=0.0, p_A=5e6, p_B=10.382e6, x_v=0.0, u=(-1, 1), dt=5e-3), segments=8)
     runs = fp.design_runs(design.problem.replace(region=from_rest), n_runs=2, n_starts=1, n_candidates=20)
     campaign = fp.Campaign(problem(), batch=6, targets=0.05, n_candidates=5, max_iterations=2)

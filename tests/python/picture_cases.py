@@ -37,7 +37,7 @@ LINE = fp.SymbolicModel([], ["p*s + q*t"], {}, {"s": "1", "t": "m"}, {"p": "Pa",
 def problem() -> fp.DesignProblem:
     prior = fp.GaussianPrior({"tau": 1.0, "T": 1000.0}, relative_std={"tau": 0.2, "T": 0.2})
     region = fp.ExperimentRegion({"a": (0.0, 1.0), "b": (0.0, 1.0), "u": (0.0, 1.0), "dt": (0.1, 1e4)})
-    return fp.DesignProblem(TWO, prior, region, noise_std={"y": 0.02, "z": 0.03}, along=["b <= 1.2", "a <= 1.5"])
+    return fp.DesignProblem(TWO, prior, region, noise={"y": 0.02, "z": 0.03}, along=["b <= 1.2", "a <= 1.5"])
 
 
 @cache
@@ -67,26 +67,26 @@ def crowded_record() -> fp.Record:
 
 @cache
 def fit_over_decades() -> fp.Fit:
-    rig = fp.VirtualRig(TWO, {"tau": 1.1, "T": 900.0}, problem().noise_std, seed=1)
+    rig = fp.VirtualRig(TWO, {"tau": 1.1, "T": 900.0}, problem().noise, seed=1)
     data = [rig.measure(single_segments()), crowded_record()]
-    return fp.estimate(TWO, data, problem().prior, noise_std=problem().noise_std)
+    return fp.estimate(TWO, data, problem().prior, noise=problem().noise)
 
 
 def in_one_variable() -> fp.DesignProblem:
     region = fp.ExperimentRegion({"c": (1.0, 1.0), "dt": (1.0, 40_000.0)})
-    return fp.DesignProblem(DECAY, fp.GaussianPrior({"k": 1e-4}, relative_std={"k": 0.1}), region, noise_std={"c": 0.1})
+    return fp.DesignProblem(DECAY, fp.GaussianPrior({"k": 1e-4}, relative_std={"k": 0.1}), region, noise={"c": 0.1})
 
 
 @cache
 def static() -> fp.DesignProblem:
     prior = fp.GaussianPrior({"p": 2.0, "q": 1e6}, relative_std={"p": 0.1, "q": 0.1})
-    return fp.DesignProblem(LINE, prior, fp.ExperimentRegion({"s": (-1.0, 1.0), "t": (0.0, 2.0)}), noise_std={"y": 0.1})
+    return fp.DesignProblem(LINE, prior, fp.ExperimentRegion({"s": (-1.0, 1.0), "t": (0.0, 2.0)}), noise={"y": 0.1})
 
 
 @cache
 def fit() -> fp.Fit:
-    rig = fp.VirtualRig(TWO, {"tau": 1.1, "T": 900.0}, problem().noise_std, seed=1)
-    return fp.estimate(TWO, [rig.measure(points()), rig.measure(runs())], problem().prior, noise_std=problem().noise_std)
+    rig = fp.VirtualRig(TWO, {"tau": 1.1, "T": 900.0}, problem().noise, seed=1)
+    return fp.estimate(TWO, [rig.measure(points()), rig.measure(runs())], problem().prior, noise=problem().noise)
 
 
 @cache
@@ -94,14 +94,14 @@ def small_fit() -> fp.Fit:
     """Of parameters far from one, in units without prefixes."""
     rig = fp.VirtualRig(DECAY, {"k": 1.1e-4}, {"c": 0.02}, seed=2)
     durations = fp.Experiments.of_table(DECAY, np.array([[1.0, 2000.0], [1.0, 9000.0], [1.0, 20_000.0]]))
-    return fp.estimate(DECAY, rig.measure(durations), start={"k": 1e-4}, noise_std={"c": 0.02})
+    return fp.estimate(DECAY, rig.measure(durations), start={"k": 1e-4}, noise={"c": 0.02})
 
 
 @cache
 def fit_of_line() -> fp.Fit:
     rig = fp.VirtualRig(LINE, {"p": 2e-6, "q": 3e6}, {"y": 1e-7}, seed=2)
     table = np.array([[-1.0, 0.0], [1.0, 1e-13], [-1.0, 2e-13], [1.0, 0.0], [0.0, 2e-13]])
-    return fp.estimate(LINE, rig.measure(fp.Experiments.of_table(LINE, table)), start={"p": 2e-6, "q": 3e6}, noise_std={"y": 1e-7})
+    return fp.estimate(LINE, rig.measure(fp.Experiments.of_table(LINE, table)), start={"p": 2e-6, "q": 3e6}, noise={"y": 1e-7})
 
 
 def of_points(kind: Callable[..., Figure]) -> Callable[[], Figure]:

@@ -46,7 +46,7 @@ def tanks() -> fp.Model:
 def problem(**changes: Any) -> fp.DesignProblem:
     prior = fp.GaussianPrior({"k1": 1.0, "k2": 0.8}, relative_std={"k1": 0.2, "k2": 0.3})
     region = fp.ExperimentRegion({"a": (0.5, 2.0), "b": (0.5, 2.0), "u": (0.0, 2.0), "dt": (0.1, 2.0)}, ["a > b / 4"])
-    given: dict[str, Any] = {"noise_std": {"y": 0.01, "z": 0.02}, "rule": fp.GaussHermite(3)} | changes
+    given: dict[str, Any] = {"noise": {"y": 0.01, "z": 0.02}, "rule": fp.GaussHermite(3)} | changes
     return fp.DesignProblem(tanks(), prior, given.pop("region", region), **given)
 
 
@@ -65,7 +65,7 @@ def saved_cases() -> dict[str, Saved]:
         problem(rule=fp.LinearizedRule()), n_experiments=3, goal=fp.Goal(over=fp.OverPrior("log", scenarios=fp.Sobol(4))), **small
     )
     points = design.points
-    singular = fp.exchange(problem(noise_std={"y": 0.01, "z": 1e9}), n_experiments=1, **small)
+    singular = fp.exchange(problem(noise={"y": 0.01, "z": 1e9}), n_experiments=1, **small)
     rig = fp.VirtualRig(one.model, one.prior.mean, {"y": 0.01, "z": 0.02}, seed=1)
     measured = rig.measure(points)
     runs = fp.design_runs(of_runs(), n_runs=2, n_starts=1, n_candidates=10)
@@ -95,7 +95,7 @@ def saved_cases() -> dict[str, Saved]:
     def directory(result: Any, name: str) -> Saved:
         return Saved(result, result.save, type(result).load, name)
 
-    fits = [fp.estimate(one.model, measured, one.prior, noise_std=one.noise_std)]
+    fits = [fp.estimate(one.model, measured, one.prior, noise=one.noise)]
     fits += [fp.estimate(one.model, record, one.prior)]
     fits += [fp.estimate(one.model, fp.VirtualRig(one.model, one.prior.mean, {"y": 0.01, "z": 0.02}).measure(runs.runs))]
     cases = {

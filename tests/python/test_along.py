@@ -46,7 +46,7 @@ def known(share: float, **options: Any) -> fp.DesignProblem:
     """A problem of which this share of plants keeps x(1 s) from 0 below its limit, with u = 1."""
     limit = float(norm.ppf(share, 1.0, 0.1))
     prior = fp.GaussianPrior({"p": 1.0}, {"p": 0.1})
-    return fp.DesignProblem(integrator(), prior, None, noise_std={"x": 0.1}, **{"along": [f"x < {limit!r}"], **options})
+    return fp.DesignProblem(integrator(), prior, None, noise={"x": 0.1}, **{"along": [f"x < {limit!r}"], **options})
 
 
 ONCE = fp.Runs([[0.0]], [[1.0, -1.0]], [[1.0, 1.0]])
@@ -164,7 +164,7 @@ def test_designs_keep_the_limits_at_the_prior_mean() -> None:
 def test_a_search_finds_points_within_the_limits() -> None:
     region = fp.ExperimentRegion({"x": (-1.0, 1.0), "v": (-1.0, 1.0), "u": (-1.5, 1.5), "dt": (0.1, 3.0)})
     problem = fp.DesignProblem(
-        swing(), fp.GaussianPrior({"a": 0.8}, {"a": 0.1}), region, noise_std={"x": 0.01}, along=["abs(v) < 0.9"],
+        swing(), fp.GaussianPrior({"a": 0.8}, {"a": 0.1}), region, noise={"x": 0.01}, along=["abs(v) < 0.9"],
         initial_state_std={"v": 0.01},
     )  # fmt: skip
     settings: dict[str, Any] = {
@@ -235,7 +235,7 @@ def test_what_makes_no_sense_is_drawn_anew() -> None:
         ["c * u * sqrt(m)"], ["x"], X, {"u": "1"}, {"m": "kg"}, {"x": "m"}, constants={"c": (1.0, "1")}, domain=["m", "c"]
     )
     prior = fp.GaussianPrior({"m": 0.01}, {"m": 1.0})
-    problem = fp.DesignProblem(model, prior, None, noise_std={"x": 0.1}, along=["x < 1"], uncertain={"c": 1e-9})
+    problem = fp.DesignProblem(model, prior, None, noise={"x": 0.1}, along=["x < 1"], uncertain={"c": 1e-9})
     found = fp.feasibility(problem, ONCE, draws=4000)
     assert 0.4 < found.left_out / (found.left_out + 4000) < 0.6
     assert abs(found.share - (norm.cdf(0.99) - norm.cdf(-0.01)) / norm.cdf(0.01)) < 0.03
@@ -246,7 +246,7 @@ def test_what_makes_no_sense_is_drawn_anew() -> None:
 
 def test_runs_from_rest_and_other_reasons_are_counted() -> None:
     model = fp.SymbolicModel(["a + x**2 + u"], ["x"], X, {"u": "m/s2"}, {"a": "1"}, {"x": "m"}, check_units=False)
-    problem = fp.DesignProblem(model, fp.GaussianPrior({"a": -1.0}, {"a": 0.8}), None, noise_std={"x": 0.1}, along=["x > -1.5"])
+    problem = fp.DesignProblem(model, fp.GaussianPrior({"a": -1.0}, {"a": 0.8}), None, noise={"x": 0.1}, along=["x > -1.5"])
     runs = fp.Runs([[-1.0]], [[-0.1, 0.0]], 0.1, rest=fp.Rest({"u": 0.0}))
     found = fp.feasibility(problem, runs, draws=4000)
     assert set(found.reasons) == {"no_rest", "left_domain: x > -1.5", "left_domain: x > -1.5 at the start"}
@@ -298,7 +298,7 @@ def test_plants_that_pass_close_to_a_jump_can_run(runs: bool) -> None:
         parameters={"p": "1"},
     )
     prior = fp.GaussianPrior({"p": 1.0}, {"p": 0.1})
-    problem = fp.DesignProblem(model, prior, None, noise_std={"y": 0.1})
+    problem = fp.DesignProblem(model, prior, None, noise={"y": 0.1})
     points = fp.Experiments([[1 + 5e-7, 0.0, 0.0]], [[]], [2.0])
     assert fp.simulate(model, points, [1.0]).status[0] == fp.Status.grazes_jump
     given = fp.Runs(points.x0, np.empty((1, 2, 0)), np.array([[1.0, 1.0]])) if runs else points

@@ -18,7 +18,7 @@ def algebraic(
     model = fp.SymbolicModel([], [output], {}, dict.fromkeys(bounds, "1"), dict.fromkeys(mean, "1"), {"y": "1"})
     prior = fp.GaussianPrior(mean, dict.fromkeys(mean, 1.0))
     region = fp.ExperimentRegion(bounds)
-    return fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}, rule=fp.LinearizedRule(), **options)
+    return fp.DesignProblem(model, prior, region, noise={"y": 1.0}, rule=fp.LinearizedRule(), **options)
 
 
 COMPARTMENT = algebraic("c*(exp(-a*t) - exp(-b*t))", {"a": 0.05884, "b": 4.298, "c": 21.80}, {"t": (0, 48)})
@@ -109,7 +109,7 @@ def test_the_linear_state_space_model() -> None:
     model = fp.SymbolicModel(["-a*x + b*u"], ["x"], {"x": "1"}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"})
     region = fp.ExperimentRegion({"x": (-1, 1), "u": (-1, 1), "dt": (1e-3, 5)})
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, {"a": 1.0, "b": 1.0})
-    problem = fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}, rule=fp.LinearizedRule(), rtol=1e-9)
+    problem = fp.DesignProblem(model, prior, region, noise={"y": 1.0}, rule=fp.LinearizedRule(), rtol=1e-9)
     design = fp.approximate_design(problem, n_candidates=1000)
     assert design.value == pytest.approx(-2.013521, abs=1e-5)
     signs = design.points.x0[:, 0] * design.points.u[:, 0]
@@ -159,7 +159,7 @@ def test_other_criteria_have_certificates(goal: str | fp.Goal) -> None:
 
 
 def test_the_prior_counts_more_where_less_is_measured() -> None:
-    problem = QUADRATIC.replace(noise_std={"y": 3.0})
+    problem = QUADRATIC.replace(noise={"y": 3.0})
     few, many = (
         fp.approximate_design(problem, inputs(GRID), goal=fp.Goal(prior_information=True), n_experiments=n) for n in (2, 10**6)
     )

@@ -234,7 +234,7 @@ def test_estimates_take_either_form() -> None:
     names, uncertain = ["E_oil"], {"T_1": 6e-4}
     for rule in (None, fp.TensorGrid(3, span=1.5)):
         fit = fp.estimate(
-            MODEL, data, start=PRIOR.mean, parameters=names, noise_std=NOISE, deviations=fp.Deviations(varies=uncertain, rule=rule)
+            MODEL, data, start=PRIOR.mean, parameters=names, noise=NOISE, deviations=fp.Deviations(varies=uncertain, rule=rule)
         )
         share = assumed_covariance(MODEL, points, THETA, varies=uncertain, rtol=1e-9, rule=rule).covariance
         s = fp.sensitivities(MODEL, points, THETA, rtol=1e-9).dy_dtheta[:, :, NAMES.index("E_oil")]
@@ -346,7 +346,7 @@ def test_a_model_without_equations_has_no_uncertain_constants() -> None:
     prior = fp.GaussianPrior(model.nominal, relative_std=dict.fromkeys(model.nominal, 0.1))
     for label in ("uncertain", "varies"):
         with pytest.raises(TypeError, match=rf"{label}: expected a model with equations"):
-            fp.DesignProblem(model, prior, None, noise_std={"y": 0.01}, **{label: {"gain": 0.1}})
+            fp.DesignProblem(model, prior, None, noise={"y": 0.01}, **{label: {"gain": 0.1}})
 
 
 @pytest.mark.filterwarnings("ignore:.*:UserWarning")

@@ -290,7 +290,7 @@ def test_a_singular_design_determines_what_it_can() -> None:
     model = fp.SymbolicModel([], ["a*u + b*v/100 + c*w"], {}, dict.fromkeys("uvw", "1"), dict.fromkeys("abc", "1"), {"y": "1"})
     prior = fp.GaussianPrior(mean=dict.fromkeys("abc", 1.0), std=dict.fromkeys("abc", 1.0))
     region = fp.ExperimentRegion({"u": (0, 1), "v": (0, 1), "w": (0, 0)}, constraints=["u + v < 1"])
-    given = fp.DesignProblem(model, prior, region, noise_std={"y": 1.0})
+    given = fp.DesignProblem(model, prior, region, noise={"y": 1.0})
     design = fp.exchange(given, 2, method=fp.ExchangeMethod(references=False), n_candidates=20, max_iterations=40)
     assert design.evaluation.rank == 2 and design.evaluation.log_det == -np.inf
     u, v = design.points.u[np.argsort(design.points.u[:, 0]), :2].T

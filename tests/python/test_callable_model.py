@@ -211,7 +211,7 @@ def test_nodes_that_leave_the_domain_are_lost(quiet: None, equations: fp.Symboli
 def test_the_exchange_finds_the_same_design(quiet: None, equations: fp.SymbolicModel, kind: str) -> None:
     def design(model: fp.Model) -> fp.Design:
         problem = fp.DesignProblem(
-            model, PRIOR, REGION, noise_std={"y": 0.01}, rule=fp.LinearizedRule(), output_covariance=kind, rtol=1e-8
+            model, PRIOR, REGION, noise={"y": 0.01}, rule=fp.LinearizedRule(), output_covariance=kind, rtol=1e-8
         )
         return fp.exchange(problem, 5, n_candidates=5, max_iterations=3, method=fp.ExchangeMethod("paper", references=False))
 
@@ -333,7 +333,7 @@ def test_misuse_is_named(changes: dict[str, Any], message: str) -> None:
 
 def test_the_search_of_functions_is_that_of_the_paper(quiet: None) -> None:
     """That of "auto" would take hundreds of thousands of trajectories."""
-    problem = fp.DesignProblem(tanks(), PRIOR, REGION, noise_std={"y": 0.01}, rule=fp.LinearizedRule())
+    problem = fp.DesignProblem(tanks(), PRIOR, REGION, noise={"y": 0.01}, rule=fp.LinearizedRule())
     auto, paper = (
         fp.exchange(problem, 5, n_candidates=5, max_iterations=2, method=fp.ExchangeMethod(m, references=False))
         for m in ("auto", "paper")

@@ -29,7 +29,7 @@ def kinetics() -> fp.DesignProblem:
 
 
 def rig(problem: fp.DesignProblem, seed: int) -> fp.VirtualRig:
-    return fp.VirtualRig(problem.model, 1.1 * problem.theta, problem.noise_std or {}, seed=seed)
+    return fp.VirtualRig(problem.model, 1.1 * problem.theta, problem.noise or {}, seed=seed)
 
 
 def run(campaign: fp.Campaign, batches: int) -> fp.Campaign:
@@ -55,7 +55,7 @@ def test_an_estimate_is_that_of_the_first_prior_and_all_data(problem: fp.DesignP
     campaign = run(fp.Campaign(problem, 4, **QUICK), 3)
     assert campaign.fit is not None
     data = fp.Measurements.join([batch.data for batch in campaign.history])
-    alone = fp.estimate(problem.model, data, problem.prior, start=campaign.estimate, noise_std=problem.noise_std, threads=1)
+    alone = fp.estimate(problem.model, data, problem.prior, start=campaign.estimate, noise=problem.noise, threads=1)
     for name in problem.estimated:
         assert campaign.estimate[name] == pytest.approx(alone.estimate[name], abs=1e-5 * alone.standard_errors[name])
     np.testing.assert_allclose(campaign.fit.covariance, alone.covariance, rtol=1e-6)
@@ -141,7 +141,7 @@ def test_what_is_uncertain_counts_in_estimates(problem: fp.DesignProblem) -> Non
 def test_only_chosen_parameters_are_estimated(problem: fp.DesignProblem) -> None:
     chosen = problem.replace(parameters=["m_q", "B_v"])
     campaign = fp.Campaign(chosen, 2, targets=0.5, **QUICK)
-    fit = campaign.tell(fp.VirtualRig(problem.model, problem.theta, problem.noise_std or {}).measure(campaign.next()))
+    fit = campaign.tell(fp.VirtualRig(problem.model, problem.theta, problem.noise or {}).measure(campaign.next()))
     assert fit.parameters == ("m_q", "B_v") and list(campaign.targets) == ["m_q", "B_v"] and campaign.done
 
 
@@ -355,16 +355,16 @@ def test_the_picture_has_a_panel_for_each_parameter(saved: Path, tmp_path: Path)
 
 
 def test_a_batch_that_does_not_tell_its_noise_meets_no_target(kinetics: fp.DesignProblem) -> None:
-    unknown = kinetics.replace(noise_std=None, output_covariance=None)
+    unknown = kinetics.replace(noise=None, output_covariance=None)
     campaign = fp.Campaign(unknown, 2, targets=0.5, **QUICK)
-    measuring = fp.VirtualRig(unknown.model, unknown.theta, kinetics.noise_std or {})
+    measuring = fp.VirtualRig(unknown.model, unknown.theta, kinetics.noise or {})
     campaign.tell(measuring.measure(campaign.next()))
     assert not campaign.done and "not converged" in str(campaign)
 
 
 def test_few_degrees_of_freedom_meet_no_target_by_chance() -> None:
     """With estimated noise, targets are held against standard errors as wide as Student's t makes intervals."""
-    decay = load_config(EXAMPLES / "exponential_decay.toml").problem().replace(noise_std=None, output_covariance="region")
+    decay = load_config(EXAMPLES / "exponential_decay.toml").problem().replace(noise=None, output_covariance="region")
     (output,) = decay.model.outputs
     campaign = fp.Campaign(decay, 4, targets=0.1, seed=1, **QUICK)
     campaign.tell(fp.VirtualRig(decay.model, decay.theta, {output.name: 0.01}).measure(campaign.next()))

@@ -29,7 +29,7 @@ PRIOR = fp.GaussianPrior({"k": 1.0, "b": 0.5}, {"k": 0.2, "b": 0.1})
 
 def level(**changes: Any) -> fp.DesignProblem:
     region = fp.RunRegion(BOUNDS, 3, measured=[False, True, True], rest=changes.pop("rest", None))
-    return fp.DesignProblem(MODEL, PRIOR, region, **({"noise_std": NOISE} | changes))
+    return fp.DesignProblem(MODEL, PRIOR, region, **({"noise": NOISE} | changes))
 
 
 def measured(runs: fp.Runs | fp.Experiments, seed: int = 0) -> fp.Measurements:
@@ -61,7 +61,7 @@ def test_a_campaign_comes_to_its_targets_and_to_the_truth() -> None:
     off = np.array([campaign.estimate[name] - TRUTH[name] for name in TRUTH])
     assert off @ np.linalg.solve(campaign.fit.covariance, off) < 13.8  # chi-square of two, 0.1 %
     data = fp.Measurements.join([batch.data for batch in campaign.history])
-    alone = fp.estimate(MODEL, data, PRIOR, start=campaign.estimate, noise_std=NOISE, threads=1)
+    alone = fp.estimate(MODEL, data, PRIOR, start=campaign.estimate, noise=NOISE, threads=1)
     for name in TRUTH:
         assert campaign.estimate[name] == pytest.approx(alone.estimate[name], abs=1e-5 * alone.standard_errors[name])
     np.testing.assert_allclose(campaign.fit.covariance, alone.covariance, rtol=1e-6)
@@ -128,7 +128,7 @@ def test_an_interrupted_search_plans_nothing(monkeypatch: pytest.MonkeyPatch, tm
 def test_a_batch_that_many_plants_cannot_run_is_told() -> None:
     """The level must not be reached that the input leads to in one plant of seven."""
     region = fp.RunRegion({"x": 0.5, "u": (1.0, 1.0), "dt": (3.0, 3.1)}, 2)
-    problem = fp.DesignProblem(MODEL, PRIOR, region, noise_std=NOISE, along=["x < 0.75"])
+    problem = fp.DesignProblem(MODEL, PRIOR, region, noise=NOISE, along=["x < 0.75"])
     campaign = fp.Campaign(problem, **QUICK)
     with pytest.warns(
         UserWarning, match=r"confidence: expected a batch that 99\.0 % of the plants can run, found one that \d\d\.\d % can"
@@ -159,8 +159,8 @@ def test_misuse_is_told(change: dict[str, Any], error: type[Exception], message:
 
 
 def test_a_problem_that_is_none_of_runs_is_told_at_the_start() -> None:
-    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
-        level(noise_std=None)
+    with pytest.raises(ValueError, match="noise: expected the sensor noise"):
+        level(noise=None)
     with pytest.raises(ValueError, match="output_covariance: expected 'noise' for runs, given 'pooled'"):
         fp.Campaign(level(output_covariance="pooled"))
     with pytest.raises(ValueError, match="assumed_covariance: expected 'tangents' for runs, given 'predictive'"):

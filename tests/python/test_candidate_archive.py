@@ -25,7 +25,7 @@ QUADRATIC = fp.SymbolicModel(
 def problem(**changes: object) -> fp.DesignProblem:
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0, "c": 1.0}, std={"a": 1.0, "b": 1.0, "c": 1.0})
     region = fp.ExperimentRegion({"x": (-1.0, 1.0)})
-    return fp.DesignProblem(QUADRATIC, prior, region, noise_std={"y": 1.0}, output_covariance="noise", **changes)  # type: ignore[arg-type]
+    return fp.DesignProblem(QUADRATIC, prior, region, noise={"y": 1.0}, output_covariance="noise", **changes)  # type: ignore[arg-type]
 
 
 def at(*x: float) -> fp.Experiments:
@@ -87,7 +87,7 @@ def test_candidates_that_some_plants_cannot_run_do_not_count() -> None:
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 0.1})
     region = fp.ExperimentRegion({"x": (1.0, 1.0), "dt": (0.1, 0.95)})
     given = fp.DesignProblem(
-        model, prior, region, noise_std={"y": 0.1}, output_covariance="noise", rule=fp.TensorGrid(3, span=2.0), rtol=1e-6
+        model, prior, region, noise={"y": 0.1}, output_covariance="noise", rule=fp.TensorGrid(3, span=2.0), rtol=1e-6
     )
 
     def of(*dt: float) -> PointInformation:

@@ -174,7 +174,7 @@ def problems(draw: st.DrawFn) -> tuple[fp.DesignProblem, np.random.Generator]:
     prior = fp.GaussianPrior(mean=mean, std={name: 0.2 * value for name, value in mean.items()})
     region = fp.ExperimentRegion({"u": (0.1, float(rng.uniform(0.5, 3.0))), "v": (0.1, float(rng.uniform(0.5, 3.0)))})
     noise = {name: float(10.0 ** rng.uniform(-3, 0)) for name in names}
-    return fp.DesignProblem(model, prior, region, noise_std=noise), rng
+    return fp.DesignProblem(model, prior, region, noise=noise), rng
 
 
 def points_of(given: fp.DesignProblem, count: int, rng: np.random.Generator) -> fp.Experiments:

@@ -24,7 +24,7 @@ def test_bit_flips_are_refused(
         load = fp.Design.load
     elif kind == "fit":
         data = fp.VirtualRig(decay_problem.model, dict(decay_problem.prior.mean), {"c": 0.2}).measure(decay_designs[0].points)
-        fp.estimate(decay_problem.model, data, decay_problem.prior, noise_std=decay_problem.noise_std).save(tmp_path)
+        fp.estimate(decay_problem.model, data, decay_problem.prior, noise=decay_problem.noise).save(tmp_path)
         load = fp.Fit.load
     else:
         fp.Campaign(decay_problem, 2, directory=tmp_path)

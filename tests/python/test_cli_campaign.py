@@ -36,7 +36,7 @@ def edited(source: Path, target: Path, changes: dict[str, str]) -> Path:
 
 def measured(file: Path, points: Path, target: Path, seed: int = 0) -> Path:
     problem = load_config(file).problem()
-    rig = fp.VirtualRig(problem.model, 1.05 * problem.theta, problem.noise_std or {}, seed=seed)
+    rig = fp.VirtualRig(problem.model, 1.05 * problem.theta, problem.noise or {}, seed=seed)
     rig.measure(fp.Experiments.from_csv(points, problem.model)).to_csv(target, problem.model)
     return target
 
@@ -90,7 +90,7 @@ def test_a_file_that_was_changed_needs_another_directory(run: Any, file: Path, t
         ({"mean = 400.0": "mean = 401.0"}, ("prior.a_tau.mean: expected 400.0", "given 401.0 (also: prior.a_tau.std)")),
         ({"seed = 0": "seed = 1"}, ("design.seed: expected 0", "given 1")),
         ({"batch = 6": "batch = 5"}, ("campaign.batch: expected 6", "given 5")),
-        ({"x_v = 1e-3": "x_v = 2e-3"}, ("noise_std.x_v: expected 0.001", "given 0.002")),
+        ({"x_v = 1e-3": "x_v = 2e-3"}, ("noise.x_v: expected 0.001", "given 0.002")),
         ({"u   = [-1.0, 1.0]": "u   = [-1.0, 0.5]"}, ("region.u: expected [-1.0, 1.0]", "given [-1.0, 0.5]")),
     ):
         changed = edited(file, tmp_path / "changed.toml", changes)
@@ -195,7 +195,7 @@ def runs_file(tmp_path: Path) -> Path:
 def measured_runs(file: Path, table: Path, target: Path) -> Path:
     problem = load_config(file).problem()
     runs = fp.Runs.from_csv(table, problem.model)
-    rig = fp.VirtualRig(problem.model, 1.05 * problem.theta, problem.noise_std or {})
+    rig = fp.VirtualRig(problem.model, 1.05 * problem.theta, problem.noise or {})
     rig.measure(runs).to_csv(target, problem.model)
     return target
 
@@ -240,7 +240,7 @@ def test_a_campaign_of_runs_from_the_first_batch_to_its_targets(run: Any, runs_f
         ({"segments = 3": "segments = 4"}, "runs.segments: expected 3, what the campaign in"),
         ({"targets = 0.1": "targets = 0.1\nbatch = 2"}, "campaign.batch: expected 1, what the campaign in"),
         ({"n_candidates = 20": "n_candidates = 20\ntime_limit = 5"}, "design.time_limit: expected none with a campaign"),
-        ({"[noise_std]\nA = 0.01\nB = 0.01\nC = 0.01\n": ""}, "noise_std: expected the sensor noise"),
+        ({"[noise]\nA = 0.01\nB = 0.01\nC = 0.01\n": ""}, "noise: expected the sensor noise"),
     ],
 )
 def test_mistakes_in_a_file_of_runs_are_one_line(

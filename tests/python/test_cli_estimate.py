@@ -45,7 +45,7 @@ def test_it_writes_the_fit_and_prints_the_report(tmp_path: Path, measured: Path,
     assert (out / "report.txt").read_text(encoding="utf-8").strip() in printed
     config = load_config(DECAY)
     data = fp.Measurements.from_table(measured, config.build_model())
-    expected = fp.estimate(config.build_model(), data, config.build_prior(), noise_std={"c": 0.2})
+    expected = fp.estimate(config.build_model(), data, config.build_prior(), noise={"c": 0.2})
     told = json.loads((out / "fit.json").read_text())
     assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
 
@@ -58,7 +58,7 @@ def test_runs_are_read_by_their_columns(tmp_path: Path, measured: Path) -> None:
     rig.measure(runs).to_csv(tmp_path / "runs.csv", model)
     assert run(DECAY, measured, tmp_path / "runs.csv", "-o", out) == 0
     data = [fp.Measurements.from_table(path, model) for path in (measured, tmp_path / "runs.csv")]
-    expected = fp.estimate(model, data, config.build_prior(), noise_std={"c": 0.2})
+    expected = fp.estimate(model, data, config.build_prior(), noise={"c": 0.2})
     told = json.loads((out / "fit.json").read_text())
     assert told["parameters"]["k"]["estimate"] == pytest.approx(expected.estimate["k"], rel=1e-12)
     assert (out / "time.png").exists() and fp.Fit.load(out).data[1] == data[1]
@@ -110,7 +110,7 @@ def test_a_file_with_times_is_a_record(tmp_path: Path) -> None:
 def test_mistakes_are_one_line_and_code_2(tmp_path: Path, measured: Path, capsys: pytest.CaptureFixture[str]) -> None:
     without_noise = tmp_path / "without_noise.toml"
     text = DECAY.read_text(encoding="utf-8")
-    without_noise.write_text(text.replace("[noise_std]\nc = 0.2\n", ""), encoding="utf-8")
+    without_noise.write_text(text.replace("[noise]\nc = 0.2\n", ""), encoding="utf-8")
     taken = tmp_path / "taken"
     taken.write_text("a file", encoding="utf-8")
     broken = tmp_path / "broken.csv"
@@ -119,7 +119,7 @@ def test_mistakes_are_one_line_and_code_2(tmp_path: Path, measured: Path, capsys
         ((DECAY, tmp_path / "no.csv", "-o", tmp_path / "fit"), "expected a CSV file of measurements, found no such file"),
         ((tmp_path / "no.toml", measured, "-o", tmp_path / "fit"), "expected a TOML file, found no such file"),
         ((EXAMPLES / "box_lucas.toml", measured, "-o", tmp_path / "fit"), "measured.csv: expected the columns A, B, dt"),
-        ((without_noise, measured, "-o", tmp_path / "fit", "--noise", "known"), "noise_std: missing"),
+        ((without_noise, measured, "-o", tmp_path / "fit", "--noise", "known"), "noise: missing"),
         ((DECAY, measured, "-o", taken), "--output: expected a directory"),
         ((DECAY, broken, "-o", tmp_path / "fit"), "broken.csv: row"),
         ((DECAY, measured, "-o", tmp_path / "fit", "--noise", "perhaps"), "perhaps"),
@@ -158,7 +158,7 @@ c = "where({clock} < 0.77, r, 0) - k*c"
 [prior]
 r = {{ mean = 1.0, relative_std = 0.5 }}
 k = {{ mean = 0.4, relative_std = 0.5 }}
-[noise_std]
+[noise]
 c = 0.01
 """
 

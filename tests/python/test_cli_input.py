@@ -59,7 +59,7 @@ def there(directory: Path) -> set[str]:
         ("evaluate enzyme.toml points.csv", ["points             2 points", "about 38"]),
         ("sweep enzyme.toml -L 2:5", ["4, from 2 to 5 points"]),
         ("compare enzyme.toml points.csv", ["1000 plants, seed 0", "about 2,000"]),
-        ("simulate enzyme.toml points.csv --noise", ["by [noise_std], seed 0", "about 2"]),
+        ("simulate enzyme.toml points.csv --noise", ["by [noise], seed 0", "about 2"]),
         ("estimate enzyme.toml data.csv", ["3 points, 1 outputs, 3 of 3 numbers", "as given", "as information"]),
         ("estimate enzyme.toml data.csv --no-prior --noise estimated", ["estimated from the residuals", "as a start alone"]),
         ("validate enzyme.toml points.csv -n 50", ["50 of each, seed 0, noise known", "about 800"]),
@@ -163,7 +163,7 @@ def test_virtual_data_are_what_estimate_reads(run: Any, place: Path) -> None:
     problem = fp.load_problem(place / "enzyme.toml")
     found = fp.Measurements.from_table(place / "measured.csv", problem.model)
     points = fp.Experiments.from_csv(place / "points.csv", problem.model)
-    rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise_std or {}, seed=4)
+    rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise or {}, seed=4)
     assert found == rig.measure(points)
     assert run("estimate", "enzyme.toml", "measured.csv", "-o", "fit", "--no-plots", "--quiet")[0] == 0
 

@@ -56,7 +56,7 @@ def test_other_commands_take_runs(reactor: Path, capsys: pytest.CaptureFixture[s
     assert rows[0] == "run,segment,t,y_A,y_B,y_C,status" and len(rows) == 9 and rows[8].startswith("1,8,1.0,")
     assert run("validate", file, table, "-n", "30", "-o", reactor / "validated", "--no-plots", "--quiet") == 0
     problem = load_problem(file)
-    rig = fp.VirtualRig(problem.model, problem.prior.mean, dict(problem.noise_std or {}))
+    rig = fp.VirtualRig(problem.model, problem.prior.mean, dict(problem.noise or {}))
     rig.measure(fp.Runs.from_csv(table, problem.model)).to_csv(reactor / "measured.csv", problem.model)
     assert run("estimate", file, reactor / "measured.csv", "-o", reactor / "fit", "--no-plots", "--quiet") == 0
     assert "A_1" in (reactor / "fit" / "estimate.csv").read_text()

@@ -21,7 +21,7 @@ def in_the_band() -> fp.DesignProblem:
     """Points between two circles, of which those at the edges of the square are far from the middle."""
     model = fp.SymbolicModel([], ["a*u + b*v"], {}, dict.fromkeys("uv", "1"), dict.fromkeys("ab", "1"), {"y": "1"})
     prior = fp.GaussianPrior(mean=dict.fromkeys("ab", 1.0), std=dict.fromkeys("ab", 0.1))
-    return fp.DesignProblem(model, prior, BAND, noise_std={"y": 0.1})
+    return fp.DesignProblem(model, prior, BAND, noise={"y": 0.1})
 
 
 def middle(u: np.ndarray) -> np.ndarray:

@@ -250,7 +250,7 @@ sys.modules[{package!r}] = None
 import fisherpoint as fp
 model = fp.model(states={{"x": "m"}}, parameters={{"k": "1/s"}}, outputs={{"y": "m"}})(lambda x, u, p: ([-p.k * x.x], [x.x]))
 prior = fp.GaussianPrior(mean={{"k": 1.0}}, relative_std={{"k": 0.1}})
-problem = fp.DesignProblem(model, prior, fp.ExperimentRegion(dict(x=(1, 2), dt=(0.5, 2))), noise_std={{"y": 0.1}})
+problem = fp.DesignProblem(model, prior, fp.ExperimentRegion(dict(x=(1, 2), dt=(0.5, 2))), noise={{"y": 0.1}})
 fp.evaluate(problem, problem.region.draw(model, 3)).{method}()
 """
     )

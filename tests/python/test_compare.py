@@ -11,7 +11,7 @@ import fisherpoint as fp
 
 MODEL = fp.SymbolicModel(["-k*x + b*u"], ["x"], {"x": "m"}, {"u": "V"}, {"k": "1/s", "b": "m/(s V)"}, {"y": "m"})
 PRIOR = fp.GaussianPrior({"k": 1.0, "b": 0.5}, {"k": 0.2, "b": 0.1})
-PROBLEM = fp.DesignProblem(MODEL, PRIOR, None, noise_std={"y": 0.01}, along=["x < 1.5"])
+PROBLEM = fp.DesignProblem(MODEL, PRIOR, None, noise={"y": 0.01}, along=["x < 1.5"])
 POINTS = fp.Experiments([[1.0], [0.5], [0.2]], [[0.0], [1.0], [0.5]], [0.5, 1.0, 2.0])
 RUNS = fp.Runs([[0.0]], np.array([[[1.0], [0.0], [1.0]]]), np.array([[0.5, 1.0, 0.7]]))
 
@@ -69,7 +69,7 @@ def test_misuse_is_told() -> None:
         fp.compare(PROBLEM, {})
     with pytest.raises(TypeError, match=r"designs\['a'\]: expected Experiments, Runs or a Design, given int"):
         fp.compare(PROBLEM, {"a": 3})
-    with pytest.raises(ValueError, match="noise_std: expected the sensor noise, as designs are compared by it, given None"):
-        fp.compare(PROBLEM.replace(noise_std=None, output_covariance="pooled"), {"a": POINTS})
+    with pytest.raises(ValueError, match="noise: expected the sensor noise, as designs are compared by it, given None"):
+        fp.compare(PROBLEM.replace(noise=None, output_covariance="pooled"), {"a": POINTS})
     with pytest.raises(ValueError, match=r"designs\['a'\]: x0: expected shape"):
         fp.compare(PROBLEM, {"a": fp.Experiments([[1.0, 2.0]], [[0.0]], [0.5])})

@@ -20,7 +20,7 @@ GROWTH = fp.DesignProblem(
     fp.SymbolicModel(["p*x + c*u"], ["x"], {"x": "1"}, {"u": "1"}, {"p": "1/s", "c": "1/s"}, {"x": "1"}),
     fp.GaussianPrior({"p": 1.0, "c": 1.0}, {"p": 0.1, "c": 0.1}),
     fp.ExperimentRegion({"x": (0.1, 1.0), "u": (0.0, 1.0), "dt": (0.1, 3.0)}),
-    noise_std={"x": 0.01},
+    noise={"x": 0.01},
     along=["x < 3"],
 )
 """What grows tells more the longer it does, up to a limit."""

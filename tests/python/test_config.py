@@ -22,7 +22,7 @@ def test_examples_describe_the_default_cylinder() -> None:
         assert dict(problem.model.constants) == dict(model.constants)
         assert dict(problem.prior.mean) == dict(model.nominal)
         assert problem.prior.std["c_L"] == pytest.approx(0.30 * 2.5e-9)
-        assert dict(problem.noise_std) == {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
+        assert dict(problem.noise) == {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
         assert tuple(problem.region.bounds["dt"]) == (1e-3, 1e-2)
         assert problem.output_covariance == covariance
         assert problem.rule.size(problem.prior) == nodes
@@ -50,8 +50,8 @@ def test_a_criterion_over_the_prior(tmp_path: Path) -> None:
 
 
 def test_without_noise_the_region_covariance_is_the_default(tmp_path: Path) -> None:
-    problem = config.load_config(write(tmp_path / "run.toml", without("noise_std"))).problem()
-    assert problem.noise_std is None
+    problem = config.load_config(write(tmp_path / "run.toml", without("noise"))).problem()
+    assert problem.noise is None
     assert problem.output_covariance == "region"
 
 
@@ -98,7 +98,7 @@ def test_rules_of_every_kind(tmp_path: Path, table: str, rule: fp.Rule) -> None:
 
 
 def test_correlations_and_log_normal_parameters(tmp_path: Path) -> None:
-    text = TEXT.replace("\n[noise_std]", '\n[prior_correlation]\n"V_0A, V_0B" = 0.5\n"c_L,E_oil" = -0.2\n[noise_std]')
+    text = TEXT.replace("\n[noise]", '\n[prior_correlation]\n"V_0A, V_0B" = 0.5\n"c_L,E_oil" = -0.2\n[noise]')
     text = text.replace(
         "c_L   = { mean = 2.5e-9,   relative_std = 0.30", "c_L   = { mean = 2.5e-9,   log = true, relative_std = 0.30"
     )

@@ -102,7 +102,7 @@ MISTAKES = {
         "relativ_std = 0.30",
         'unknown key prior.a_tau.relativ_std; expected one of mean, std, relative_std, unit, log (did you mean "relative_std"?)',
     ),
-    "no noise": ("x_v = 1e-3", "x_v = 0", "noise_std.x_v.value: expected a number > 0, given 0"),
+    "no noise": ("x_v = 1e-3", "x_v = 0", "noise.x_v.value: expected a number > 0, given 0"),
     "unknown constant": (
         "A_A   =",
         "A_C   =",
@@ -158,24 +158,24 @@ MISTAKES = {
     ),
     "log": ("relative_std = 0.30", "log = 1, relative_std = 0.30", "prior.a_tau.log: expected true or false, given 1"),
     "correlation of one": (
-        "\n[noise_std]",
-        "\n[prior_correlation]\nV_0A = 0.5\n[noise_std]",
+        "\n[noise]",
+        "\n[prior_correlation]\nV_0A = 0.5\n[noise]",
         'prior_correlation."V_0A": expected two parameters, as in "V_0A, V_0B"',
     ),
     "correlation of a stranger": (
-        "\n[noise_std]",
-        '\n[prior_correlation]\n"V_0A, V_OB" = 0.5\n[noise_std]',
+        "\n[noise]",
+        '\n[prior_correlation]\n"V_0A, V_OB" = 0.5\n[noise]',
         "unknown key prior_correlation.V_OB; expected one of a_tau, b_tau, m_q, E_oil, p_t, B_v, c_L, V_0A, V_0B "
         '(did you mean "V_0B"?)',
     ),
     "correlation twice": (
-        "\n[noise_std]",
-        '\n[prior_correlation]\n"V_0A, V_0B" = 0.5\n"V_0B,V_0A" = 0.5\n[noise_std]',
+        "\n[noise]",
+        '\n[prior_correlation]\n"V_0A, V_0B" = 0.5\n"V_0B,V_0A" = 0.5\n[noise]',
         'prior_correlation."V_0B, V_0A": expected each pair once, given twice',
     ),
     "correlation of 1": (
-        "\n[noise_std]",
-        '\n[prior_correlation]\n"V_0A, V_0B" = 1.0\n[noise_std]',
+        "\n[noise]",
+        '\n[prior_correlation]\n"V_0A, V_0B" = 1.0\n[noise]',
         'prior_correlation."V_0A, V_0B": expected a number < 1, given 1.0',
     ),
     "seed": ("seed = 0 ", "seed = -1 ", "design.seed: expected a number >= 0, given -1"),
@@ -193,7 +193,7 @@ MISTAKES = {
     "table": (
         "[design]",
         "[desing]",
-        "unknown key desing; expected one of model, prior, prior_correlation, noise_std, uncertain, varies, initial_state_std, "
+        "unknown key desing; expected one of model, prior, prior_correlation, noise, uncertain, varies, initial_state_std, "
         "region, runs, rule, goal, design, cost, campaign, data "
         '(did you mean "design"?)',
     ),
@@ -242,7 +242,7 @@ def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
         "unknown key design.sead; expec",
         "prior.B_v: missing; expected {",
         "prior.c_L.unit: expected a uni",
-        "unknown key noise_std.xv; expe",
+        "unknown key noise.xv; expected",
         "unknown key region.w; expected",
         "region.x_v.bounds: expected [l",
     ]
@@ -283,8 +283,8 @@ def test_what_the_library_refuses_names_the_file(tmp_path: Path, old: str, new: 
 
 
 def test_noise_is_needed_for_the_noise_covariance(tmp_path: Path) -> None:
-    text = without("noise_std").replace("seed = 0 ", 'output_covariance = "noise" ')
-    expected = 'design.output_covariance: expected a table [noise_std] with "noise", given none'
+    text = without("noise").replace("seed = 0 ", 'output_covariance = "noise" ')
+    expected = 'design.output_covariance: expected a table [noise] with "noise", given none'
     assert line_of(write(tmp_path / "run.toml", text)) == expected
 
 
@@ -293,9 +293,7 @@ def test_what_only_the_library_refuses_names_the_table(tmp_path: Path) -> None:
     path = write(tmp_path / "run.toml", text)
     with pytest.raises(config.ConfigError, match=r"run.toml: rule.n: expected a power of two of at most 1048576, given 1000$"):
         config.load_config(path).problem()
-    text = TEXT.replace(
-        "\n[noise_std]", '\n[prior_correlation]\n"V_0A, V_0B" = 0.9\n"V_0A, c_L" = -0.9\n"c_L,V_0B" = 0.9\n[noise_std]'
-    )
+    text = TEXT.replace("\n[noise]", '\n[prior_correlation]\n"V_0A, V_0B" = 0.9\n"V_0A, c_L" = -0.9\n"c_L,V_0B" = 0.9\n[noise]')
     path = write(tmp_path / "run.toml", text)
     with pytest.raises(config.ConfigError, match=r"run.toml: prior: covariance: expected a positive definite matrix.*V_0B"):
         config.load_config(path).problem()

@@ -204,7 +204,7 @@ def test_the_off_diagonal_block_vanishes_with_a_precise_position_and_short_times
     points = valid_points(24, seed=seed, rule=grid())
 
     def largest(time: float, q_noise: float) -> float:
-        given = problem(noise_std=NOISE | {"q": q_noise * NOISE["q"]}, rtol=TIGHT)
+        given = problem(noise=NOISE | {"q": q_noise * NOISE["q"]}, rtol=TIGHT)
         fisher = fp.evaluate(given, fp.Experiments(points.x0, points.u, time * points.dt)).fisher
         return float(canonical_correlations(fisher)[0])
 

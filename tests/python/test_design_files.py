@@ -47,14 +47,14 @@ def assert_same_design(a: fp.Design, b: fp.Design) -> None:
     assert_same_evaluation(a.under_noise, b.under_noise)
     assert (a.trace, a.rejected, a.drawn, a.accepted) == (b.trace, b.rejected, b.drawn, b.accepted)
     assert (a.stop_reason, a.seconds, a.settings, a.efficiency) == (b.stop_reason, b.seconds, b.settings, b.efficiency)
-    for name in ("model", "prior", "region", "noise_std", "rule", "output_covariance", "parameters", "kinks", "jumps", "rtol"):
+    for name in ("model", "prior", "region", "noise", "rule", "output_covariance", "parameters", "kinks", "jumps", "rtol"):
         assert getattr(a.problem, name) == getattr(b.problem, name), name
 
 
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     **{kind: ({"output_covariance": kind}, {}) for kind in KINDS},
-    "without noise": ({"noise_std": None, "output_covariance": "pooled"}, {}),
-    "default without noise": ({"noise_std": None}, {}),
+    "without noise": ({"noise": None, "output_covariance": "pooled"}, {}),
+    "default without noise": ({"noise": None}, {}),
     "some parameters": ({"parameters": ["E_oil", "a_tau"]}, {"n_experiments": 3}),
     "singular": ({}, {"n_experiments": 2}),
     "no references": ({}, {"method": fp.ExchangeMethod(references=False)}),
@@ -183,7 +183,7 @@ EDITS: list[tuple[str, Any]] = [
     ("problem.region.bounds.v", [1.0, -1.0]),
     ("problem.region.bounds.v", DELETE),
     ("problem.region.constraints", ["__import__('os') < 1"]),
-    ("problem.noise_std.q", 0.0),
+    ("problem.noise.q", 0.0),
     ("problem.rule.levels", 0),
     ("problem.rule.span", -1.0),
     ("problem.output_covariance", "best"),
@@ -319,7 +319,7 @@ def test_points_may_have_units_and_decimal_commas(tmp_path: Path) -> None:
 
 def test_levels_by_name_come_back(tmp_path: Path) -> None:
     rule = grid(a_tau=2, B_v=3)
-    fp.exchange(problem(rule=rule, noise_std=NOISE), **QUICK | {"method": fp.ExchangeMethod(references=False)}).save(tmp_path)
+    fp.exchange(problem(rule=rule, noise=NOISE), **QUICK | {"method": fp.ExchangeMethod(references=False)}).save(tmp_path)
     loaded = fp.Design.load(tmp_path).problem.rule
     assert loaded == rule and loaded.levels_of(problem().prior) == dict.fromkeys(NAMES, 1) | {"a_tau": 2, "B_v": 3}
 

@@ -30,7 +30,7 @@ def problem_of(
     model: fp.Model, mean: dict[str, float], noise: dict[str, float], region: fp.RunRegion, **options: Any
 ) -> fp.DesignProblem:
     prior = fp.GaussianPrior(mean, {name: 0.1 * value for name, value in mean.items()})
-    return fp.DesignProblem(model, prior, region, noise_std=noise, **options)
+    return fp.DesignProblem(model, prior, region, noise=noise, **options)
 
 
 def own_units(design: fp.RunDesign) -> float:

@@ -46,7 +46,7 @@ def test_known_noise_is_weighted_least_squares() -> None:
     matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1], matrix[:, 1, 2] = 1.0, U, 1.0, -U
     white = (matrix / std[:, None]).reshape(-1, 3)
     covariance = np.linalg.inv(white.T @ white)
-    fit = fp.estimate(PAIR, fp.Measurements(POINTS, y), noise_std={"y": 0.1, "w": 0.3})
+    fit = fp.estimate(PAIR, fp.Measurements(POINTS, y), noise={"y": 0.1, "w": 0.3})
     np.testing.assert_allclose(values(fit.estimate), covariance @ white.T @ (y / std).ravel(), rtol=1e-9)
     np.testing.assert_allclose(fit.covariance, covariance, rtol=1e-9)
     np.testing.assert_allclose(values(fit.standard_errors), np.sqrt(np.diag(covariance)), rtol=1e-9)
@@ -62,7 +62,7 @@ def test_outputs_that_were_not_measured_do_not_count() -> None:
     matrix = np.zeros((len(U), 2, 3))
     matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1], matrix[:, 1, 2] = 1.0, U, 1.0, -U
     white, data = (matrix / np.array([[0.1], [0.3]]))[some], (y / [0.1, 0.3])[some]
-    fit = fp.estimate(PAIR, fp.Measurements(POINTS, y), noise_std={"y": 0.1, "w": 0.3})
+    fit = fp.estimate(PAIR, fp.Measurements(POINTS, y), noise={"y": 0.1, "w": 0.3})
     np.testing.assert_allclose(values(fit.estimate), np.linalg.lstsq(white, data)[0], rtol=1e-9)
     np.testing.assert_allclose(fit.covariance, np.linalg.inv(white.T @ white), rtol=1e-9)
     assert fit.degrees_of_freedom == pytest.approx(some.sum() - 3)
@@ -72,7 +72,7 @@ def test_prior_gives_the_maximum_a_posteriori() -> None:
     y, inverse = line_data(), np.linalg.inv(PRIOR.covariance)
     covariance = np.linalg.inv(LINE_MATRIX.T @ LINE_MATRIX / 0.01 + inverse)
     mean = covariance @ (LINE_MATRIX.T @ y / 0.01 + inverse @ [0.5, -0.5])
-    fit = fp.estimate(LINE, fp.Measurements(POINTS, y), PRIOR, noise_std={"y": 0.1})
+    fit = fp.estimate(LINE, fp.Measurements(POINTS, y), PRIOR, noise={"y": 0.1})
     np.testing.assert_allclose(values(fit.estimate), mean, rtol=1e-8)
     np.testing.assert_allclose(fit.covariance, covariance, rtol=1e-8)
     posterior = fit.posterior()
@@ -81,9 +81,9 @@ def test_prior_gives_the_maximum_a_posteriori() -> None:
 
 def test_two_batches_one_after_the_other_are_both_at_once() -> None:
     y = line_data()
-    first = fp.estimate(LINE, fp.Measurements(POINTS[:4], y[:4]), PRIOR, noise_std={"y": 0.1})
-    second = fp.estimate(LINE, fp.Measurements(POINTS[4:], y[4:]), first.posterior(), noise_std={"y": 0.1})
-    both = fp.estimate(LINE, fp.Measurements(POINTS, y), PRIOR, noise_std={"y": 0.1})
+    first = fp.estimate(LINE, fp.Measurements(POINTS[:4], y[:4]), PRIOR, noise={"y": 0.1})
+    second = fp.estimate(LINE, fp.Measurements(POINTS[4:], y[4:]), first.posterior(), noise={"y": 0.1})
+    both = fp.estimate(LINE, fp.Measurements(POINTS, y), PRIOR, noise={"y": 0.1})
     np.testing.assert_allclose(values(second.estimate), values(both.estimate), rtol=1e-8)
     np.testing.assert_allclose(second.covariance, both.covariance, rtol=1e-8)
 
@@ -132,7 +132,7 @@ def test_log_normal_posterior_is_the_same_normal_distribution_of_logarithms() ->
     prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.5}, log=["k"])
     points = fp.Experiments(np.empty((5, 0)), np.linspace(0.2, 2, 5)[:, None])
     y = np.exp(-1.3 * points.u)
-    fit = fp.estimate(decay, fp.Measurements(points, y), prior, noise_std={"y": 0.05})
+    fit = fp.estimate(decay, fp.Measurements(points, y), prior, noise={"y": 0.05})
     posterior = fit.posterior()
     assert posterior.log == ("k",)
     spread = np.sqrt(fit.precision.covariance[0, 0]) * prior.normal_std[0]
@@ -142,16 +142,14 @@ def test_log_normal_posterior_is_the_same_normal_distribution_of_logarithms() ->
     low, high = fit.intervals()["k"]
     assert low * high == pytest.approx(fit.estimate["k"] ** 2, rel=1e-9)  # symmetric in the logarithm
     # The posterior as a prior with no further information stays what it is.
-    again = fp.estimate(
-        decay, fp.Measurements(points[:1], np.exp(-fit.estimate["k"] * points.u[:1])), posterior, noise_std={"y": 1e3}
-    )
+    again = fp.estimate(decay, fp.Measurements(points[:1], np.exp(-fit.estimate["k"] * points.u[:1])), posterior, noise={"y": 1e3})
     assert again.estimate["k"] == pytest.approx(fit.estimate["k"], rel=1e-4)
     assert again.posterior().normal_std[0] == pytest.approx(posterior.normal_std[0], rel=1e-4)
 
 
 def test_what_the_data_leave_open_is_named() -> None:
     point = fp.Experiments(np.empty((3, 0)), np.ones((3, 1)))
-    fit = fp.estimate(LINE, fp.Measurements(point, np.array([1.0, 1.1, 0.9])), noise_std={"y": 0.1})
+    fit = fp.estimate(LINE, fp.Measurements(point, np.array([1.0, 1.1, 0.9])), noise={"y": 0.1})
     assert len(fit.null_directions) == 1
     assert "a" in fit.null_directions[0] and "b" in fit.null_directions[0]
     assert np.isinf(values(fit.standard_errors)).all()
@@ -166,9 +164,9 @@ def test_points_of_which_nothing_was_measured_are_left_out() -> None:
     points = fp.Experiments(x0, [[0.5], [0.5]], [2e-3, 2e-3])
     assert fp.simulate(model, points, theta).status.tolist() == [fp.Status.ok, fp.Status.left_domain]
     y = fp.simulate(model, points, theta, rtol=1e-9).y
-    noise_std = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
+    noise = {"q": 5e-6, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-3}
     data = fp.Measurements(points, np.where([[True], [False]], y, np.nan))
-    fit = fp.estimate(model, data, start={**model.nominal, "E_oil": 1.1e9}, parameters=["E_oil"], noise_std=noise_std)
+    fit = fp.estimate(model, data, start={**model.nominal, "E_oil": 1.1e9}, parameters=["E_oil"], noise=noise)
     assert fit.estimate["E_oil"] == pytest.approx(1.2e9, rel=1e-8)
     assert fit.residuals.shape == (1, 4)
 
@@ -177,17 +175,15 @@ def test_what_is_estimated_is_not_uncertain_too() -> None:
     with pytest.raises(
         ValueError, match=r"^uncertain: expected constants or parameters that are not estimated, given 'a', which is"
     ):
-        fp.estimate(
-            LINE, fp.Measurements(POINTS, line_data()), noise_std={"y": 0.1}, deviations=fp.Deviations(uncertain={"a": 0.1})
-        )
+        fp.estimate(LINE, fp.Measurements(POINTS, line_data()), noise={"y": 0.1}, deviations=fp.Deviations(uncertain={"a": 0.1}))
 
 
 @pytest.mark.parametrize("use", ["prior", "start"])
 def test_a_prior_of_known_parameters_alone_only_fixes_them(use: str) -> None:
     data, others = fp.Measurements(POINTS, line_data()), fp.GaussianPrior({"b": -0.7}, {"b": 0.1})
-    expected = fp.estimate(LINE, data, start={"b": -0.7}, parameters=["a"], noise_std={"y": 0.1})
+    expected = fp.estimate(LINE, data, start={"b": -0.7}, parameters=["a"], noise={"y": 0.1})
     prior, start = (others, None) if use == "prior" else (None, others)
-    fit = fp.estimate(LINE, data, prior, start=start, parameters=["a"], noise_std={"y": 0.1})
+    fit = fp.estimate(LINE, data, prior, start=start, parameters=["a"], noise={"y": 0.1})
     np.testing.assert_allclose(fit.values, expected.values, rtol=1e-12)
     np.testing.assert_allclose(fit.covariance, expected.covariance, rtol=1e-12)
     assert "weighted least squares" in str(fit) and "Beside the prior" not in str(fit)
@@ -196,15 +192,15 @@ def test_a_prior_of_known_parameters_alone_only_fixes_them(use: str) -> None:
 def test_starts_of_records_that_would_share_a_name_are_refused() -> None:
     model = fp.SymbolicModel(["-k*x", "-k*x_2"], ["x"], {"x": "1", "x_2": "1"}, {}, {"k": "1/s"}, {"y": "1"}, nominal={"k": 1.0})
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
-    fp.estimate(model, record, noise_std={"y": 0.1})
+    fp.estimate(model, record, noise={"y": 0.1})
     with pytest.raises(ValueError, match=r"^states: expected different names for the starts .* given two called 'x0_x_2'"):
-        fp.estimate(model, [record, record], noise_std={"y": 0.1})
+        fp.estimate(model, [record, record], noise={"y": 0.1})
 
 
 def test_starts_of_every_record_are_searched_in_their_natural_size() -> None:
     model = fp.SymbolicModel(["-k*x"], ["x"], {"x": ("1", 1e-6)}, {}, {"k": "1/s"}, {"x": "1"}, nominal={"k": 1.0})
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [0.0, 4e-7, 1e-7])
-    fit = fp.estimate(model, [record, record], noise_std={"x": 1e-7})
+    fit = fp.estimate(model, [record, record], noise={"x": 1e-7})
     np.testing.assert_allclose(fit.weighted.unknowns.scale, [1.0, 1e-6, 1e-6])
 
 
@@ -216,7 +212,7 @@ def test_what_is_assumed_is_weighed_where_trajectories_are_ok() -> None:
     assert fp.simulate(tank, points, {"k": 3.0}).status.any()
     prior = fp.GaussianPrior({"k": 3.0}, {"k": 2.0})
     fit, near = (
-        fp.estimate(tank, data, prior, start=start, noise_std={"h": 0.01}, deviations=fp.Deviations(initial_state_std={"h": 0.02}))
+        fp.estimate(tank, data, prior, start=start, noise={"h": 0.01}, deviations=fp.Deviations(initial_state_std={"h": 0.02}))
         for start in (None, {"k": 0.5})
     )
     assert fit.estimate["k"] == pytest.approx(near.estimate["k"], abs=1e-3 * near.standard_errors["k"])
@@ -231,18 +227,18 @@ def test_starts_go_further_out_where_those_of_the_prior_end_in_wrong_minima(w: f
     y = np.sin(w * u) + np.cos(v * u) + 0.05 * np.random.default_rng(1).standard_normal(25)
     data = fp.Measurements(fp.Experiments(np.empty((25, 0)), u[:, None]), y)
     around = fp.GaussianPrior({"w": 3.0, "v": 6.0, "a": 0.8}, {"w": 0.7, "v": 0.9, "a": 0.2})
-    fit = fp.estimate(waves, data, start=around, noise_std={"y": 0.05})
+    fit = fp.estimate(waves, data, start=around, noise={"y": 0.05})
     assert fit.converged and not fit.unexplained and fit.starts == 24
     assert [fit.estimate["w"], fit.estimate["v"]] == pytest.approx([w, v], abs=0.03)
 
 
 def test_starts_that_agree_are_enough() -> None:
-    fit = fp.estimate(LINE, fp.Measurements(POINTS, line_data()), start=PRIOR, noise_std={"y": 0.1})
+    fit = fp.estimate(LINE, fp.Measurements(POINTS, line_data()), start=PRIOR, noise={"y": 0.1})
     assert (fit.reached, fit.starts) == (8, 8)
 
 
 def test_data_that_no_start_explains_are_called_so() -> None:
-    fit = fp.estimate(LINE, fp.Measurements(POINTS, line_data() + U**2), start=PRIOR, noise_std={"y": 0.01})
+    fit = fp.estimate(LINE, fp.Measurements(POINTS, line_data() + U**2), start=PRIOR, noise={"y": 0.01})
     assert fit.unexplained == ("y",) and (fit.reached, fit.starts) == (24, 24)
     assert "the model, the noise of this output or the minimum found is wrong" in str(fit)
 
@@ -263,4 +259,4 @@ def test_what_is_assumed_is_not_for_records(label: str) -> None:
     record = fp.Record([0.0, 1.0, 2.0], np.empty((3, 0)), [1.0, 0.4, 0.1])
     assumed = {"g": 0.1} if label == "varies" else {"x": 0.1}
     with pytest.raises(ValueError, match=f"^{label}: expected measurements of points or runs, given a record"):
-        fp.estimate(decay, record, parameters=["k"], noise_std={"x": 0.1}, deviations=fp.Deviations(**{label: assumed}))
+        fp.estimate(decay, record, parameters=["k"], noise={"x": 0.1}, deviations=fp.Deviations(**{label: assumed}))

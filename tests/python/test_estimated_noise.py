@@ -129,7 +129,7 @@ def test_nor_are_those_of_what_is_assumed(monkeypatch: pytest.MonkeyPatch) -> No
     decay = fp.SymbolicModel(["-k*c"], ["c"], {"c": "1"}, {}, {"k": "1/s"}, {"c": "1"}, nominal={"k": 3.0})
     dt = np.linspace(0.1, 2.0, 12)
     data = fp.Measurements(fp.Experiments(np.ones((12, 1)), np.empty((12, 0)), dt), np.exp(-dt) + NOISE[:12])
-    arguments: dict[str, Any] = {"noise_std": {"c": 0.01}, "deviations": fp.Deviations(initial_state_std={"c": 0.2})}
+    arguments: dict[str, Any] = {"noise": {"c": 0.01}, "deviations": fp.Deviations(initial_state_std={"c": 0.2})}
     assert fp.estimate(decay, data, **arguments).converged
     monkeypatch.setattr(search, "WEIGHTINGS", 1)
     fit = fp.estimate(decay, data, **arguments)

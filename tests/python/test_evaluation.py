@@ -50,7 +50,7 @@ def direct(kind: str, noise: bool, points: fp.Experiments, rule: fp.TensorGrid) 
     if kind == "noise":
         d = r
     elif kind == "region":
-        whole = problem(output_covariance="region", noise_std=NOISE if noise else None, rule=rule, rtol=RTOL)
+        whole = problem(output_covariance="region", noise=NOISE if noise else None, rule=rule, rtol=RTOL)
         sample = CandidateSource(whole, np.random.default_rng(0), threads=1).draw_confirmed(REGION_SAMPLE).points
         d = r + predictive(sample, rule).mean(axis=0)[np.ix_(used, used)]
     else:
@@ -66,7 +66,7 @@ CASES = [(kind, True) for kind in KINDS] + [("region", False), ("pooled", False)
 def test_an_evaluation_is_the_papers_equations(kind: str, noise: bool) -> None:
     rule = grid(a_tau=2, E_oil=3, B_v=2, p_t=2)
     points = valid_points(9, seed=1, rule=rule)
-    given = problem(output_covariance=kind, noise_std=NOISE if noise else None, rule=rule, rtol=RTOL)
+    given = problem(output_covariance=kind, noise=NOISE if noise else None, rule=rule, rtol=RTOL)
     evaluation = fp.evaluate(given, points)
     d, f, used = direct(kind, noise, points, rule)
 
@@ -121,8 +121,8 @@ def test_evaluation_under_noise() -> None:
     under_noise = fp.evaluate(pooled, points, output_covariance="noise")
     assert under_noise.output_covariance_kind == "noise"
     assert under_noise.log_det == fp.evaluate(problem(output_covariance="noise"), points).log_det
-    with pytest.raises(ValueError, match="noise_std"):
-        fp.evaluate(problem(noise_std=None), points, output_covariance="noise")
+    with pytest.raises(ValueError, match="noise"):
+        fp.evaluate(problem(noise=None), points, output_covariance="noise")
 
 
 @pytest.mark.parametrize("chosen", [("a_tau", "b_tau", "m_q"), ("B_v",), NAMES[3:], NAMES[::-1]])
@@ -180,7 +180,7 @@ def test_a_parameter_without_influence_is_named() -> None:
     model = fp.SymbolicModel(["-k*c - b*n*max(c - 100, 0)"], ["c"], states, {}, parameters, states)
     prior = fp.GaussianPrior({"k": 0.5, "b": 1.0, "n": 2.0}, relative_std={"k": 0.1, "b": 0.1, "n": 0.1})
     points = fp.Experiments([[1.0], [2.0], [3.0]], np.empty((3, 0)), [0.5, 1.0, 2.0])
-    evaluation = fp.evaluate(fp.DesignProblem(model, prior, None, noise_std={"c": 0.01}), points)
+    evaluation = fp.evaluate(fp.DesignProblem(model, prior, None, noise={"c": 0.01}), points)
     assert evaluation.log_det == -np.inf and evaluation.standard_errors is None
     found = {name for direction in evaluation.null_directions for name in direction}
     assert found == {"b", "n"} and evaluation.rank == 1
@@ -213,25 +213,25 @@ def test_rank_log_det_and_standard_errors_agree() -> None:
 
 @pytest.mark.parametrize("kind", ["region", "pooled", "pointwise"])
 def test_without_noise_the_valve_position_is_left_out_by_name(kind: str) -> None:
-    evaluation = fp.evaluate(problem(noise_std=None, output_covariance=kind), valid_points(9, seed=12))
+    evaluation = fp.evaluate(problem(noise=None, output_covariance=kind), valid_points(9, seed=12))
     assert evaluation.outputs == ("q", "p_A", "p_B") and evaluation.outputs_left_out == ("x_v",)
     assert evaluation.output_covariance.shape[-2:] == (3, 3)
 
 
 @pytest.mark.parametrize("kind", ["region", "pooled", "pointwise"])
 def test_a_grid_of_one_node_leaves_no_variance_and_the_error_names_the_outputs(kind: str) -> None:
-    given = problem(noise_std=None, output_covariance=kind, rule=grid())
-    with pytest.raises(ValueError, match=r"expected a regular D, given no variance of q, p_A, p_B.*noise_std"):
+    given = problem(noise=None, output_covariance=kind, rule=grid())
+    with pytest.raises(ValueError, match=r"expected a regular D, given no variance of q, p_A, p_B.*noise"):
         fp.evaluate(given.replace(jumps="exclude"), valid_points(9, seed=13, jumps="exclude"))
     # A crossing is computed node by node, which leaves roundings of a variance.
-    with pytest.raises(ValueError, match=r"expected a regular D, given (no variance of q|one that is singular in).*noise_std"):
+    with pytest.raises(ValueError, match=r"expected a regular D, given (no variance of q|one that is singular in).*noise"):
         fp.evaluate(given, valid_points(9, seed=13))
 
 
 @pytest.mark.parametrize(("kind", "count"), [("pooled", 1), ("pointwise", 9)])
 def test_too_few_levels_for_the_outputs_are_an_error_that_names_them(kind: str, count: int) -> None:
-    given = problem(noise_std=None, output_covariance=kind, rule=grid(B_v=2))  # two nodes: rank two at most
-    with pytest.raises(ValueError, match=r"expected a regular D, given one that is singular in .*(q|p_A|p_B).*noise_std") as caught:
+    given = problem(noise=None, output_covariance=kind, rule=grid(B_v=2))  # two nodes: rank two at most
+    with pytest.raises(ValueError, match=r"expected a regular D, given one that is singular in .*(q|p_A|p_B).*noise") as caught:
         fp.evaluate(given, valid_points(count, seed=14, rule=grid(B_v=2)))
     assert "x_v" not in str(caught.value)
 
@@ -245,7 +245,7 @@ def test_to_first_order_every_pooled_design_without_noise_has_the_same_trace(see
     small = 1e-4
     prior = fp.GaussianPrior(MODEL.nominal, relative_std={name: small for name in NAMES})
     rule = fp.TensorGrid(2, span=1.0)  # 512 nodes
-    given = problem(prior=prior, noise_std=None, output_covariance="pooled", rule=rule, rtol=1e-11)
+    given = problem(prior=prior, noise=None, output_covariance="pooled", rule=rule, rtol=1e-11)
     points = valid_points(12, seed=seed)
     evaluation = fp.evaluate(given, points)
     shares = np.array(list(rule.variances(prior).values()))
@@ -257,7 +257,7 @@ def test_to_first_order_every_pooled_design_without_noise_has_the_same_trace(see
 
 def test_the_bound_of_a_design_is_the_closed_one() -> None:
     rule = fp.TensorGrid(2, span=1.0)
-    given = problem(noise_std=None, output_covariance="pooled", rule=rule)
+    given = problem(noise=None, output_covariance="pooled", rule=rule)
     efficiency = fp.exchange(given, n_experiments=9, n_candidates=5, max_iterations=3).efficiency
     assert efficiency is not None
     shares = np.array(list(rule.variances(PRIOR).values()))
@@ -270,8 +270,8 @@ def test_the_bound_of_a_design_is_the_closed_one() -> None:
 def test_with_noise_the_closed_bound_is_an_inequality(factor: float) -> None:
     """D is larger than the mean predictive covariance, so that tr(Sigma F) is below 2 n_y; the more noise, the further."""
     rule = fp.TensorGrid(2, span=1.0)
-    noise_std = {name: factor * std for name, std in NOISE.items()}
-    given = problem(noise_std=noise_std, output_covariance="pooled", rule=rule)
+    noise = {name: factor * std for name, std in NOISE.items()}
+    given = problem(noise=noise, output_covariance="pooled", rule=rule)
     design = fp.exchange(given, n_experiments=9, n_candidates=5, max_iterations=3)
     efficiency, shares = design.efficiency, np.array(list(rule.variances(PRIOR).values()))
     assert efficiency is not None and efficiency.vs_bound is not None
@@ -311,7 +311,7 @@ QUADRATIC = fp.SymbolicModel([], ["a + b*u + c*u**2"], {}, {"u": "1"}, {"a": "1"
 def test_a_polynomial_far_from_zero_has_the_determinant_that_it_has_there(place: float) -> None:
     """A shift of u is a change of parameters with determinant 1; the singular values fall as the square of the place."""
     prior = fp.GaussianPrior({"a": 1.0, "b": 2.0, "c": 3.0}, std=dict.fromkeys("abc", 0.1))
-    given = fp.DesignProblem(QUADRATIC, prior, None, noise_std={"y": 0.1})
+    given = fp.DesignProblem(QUADRATIC, prior, None, noise={"y": 0.1})
     near, far = (fp.evaluate(given, fp.Experiments(np.empty((5, 0)), np.linspace(u, u + 1, 5)[:, None])) for u in (0.0, place))
     assert far.log_det == pytest.approx(near.log_det, abs=1e-4) and far.rank == 3
     assert near.standard_errors is not None and far.standard_errors is not None
@@ -322,7 +322,7 @@ def test_a_null_direction_has_all_that_the_outputs_feel() -> None:
     """a alone does change them: what does not is a, b and c together, in shares of 1, 1e-6 and 1e-12."""
     prior = fp.GaussianPrior({"a": 1.0, "b": 2.0, "c": 3.0}, std=dict.fromkeys("abc", 0.1))
     points = fp.Experiments(np.empty((5, 0)), np.linspace(1e6, 1e6 + 1, 5)[:, None])
-    evaluation = fp.evaluate(fp.DesignProblem(QUADRATIC, prior, None, noise_std={"y": 0.1}), points)
+    evaluation = fp.evaluate(fp.DesignProblem(QUADRATIC, prior, None, noise={"y": 0.1}), points)
     assert evaluation.rank == 2 and evaluation.log_det == -np.inf
     (direction,) = evaluation.null_directions
     change = np.array([direction[name] for name in "abc"])  # all are listed
@@ -342,7 +342,7 @@ def test_of_a_parameter_at_zero_the_relative_error_is_infinite_everywhere(tmp_pa
     model = fp.SymbolicModel(["-k*h + b*u"], ["h"], {"h": "m"}, {"u": "1"}, {"k": "1/s", "b": "m/s"}, {"y": "m"})
     region = fp.ExperimentRegion({"h": (0.5, 2.0), "u": (0.0, 2.0), "dt": (0.1, 2.0)})
     prior = fp.GaussianPrior({"k": 1.0, "b": 0.0}, {"k": 0.2, "b": 0.3})
-    problem = fp.DesignProblem(model, prior, region, noise_std={"y": 0.01})
+    problem = fp.DesignProblem(model, prior, region, noise={"y": 0.01})
     design = fp.exchange(problem, 3, n_candidates=5, max_iterations=1)
     assert design.evaluation.rse is not None and design.under_noise is not None
     assert design.evaluation.rse["b"] == np.inf > design.evaluation.rse["k"]
@@ -356,5 +356,5 @@ def test_of_a_parameter_at_zero_the_relative_error_is_infinite_everywhere(tmp_pa
         (row,) = (line.split() for line in str(shown).splitlines() if line.split()[:2] == ["b", "m/s"])
         assert "inf" in row
     exact = fp.Measurements(design.points, fp.simulate(model, design.points, {"k": 1.0, "b": 0.0}).y)
-    fit = fp.estimate(model, exact, prior, noise_std={"y": 0.01})
+    fit = fp.estimate(model, exact, prior, noise={"y": 0.01})
     assert set(fit.rse) == {"k", "b"} and fit.to_pandas().rse.notna().all()

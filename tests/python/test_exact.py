@@ -218,7 +218,7 @@ def test_one_time_determines_the_highest_concentration() -> None:
 
 
 def test_the_prior_is_added_once() -> None:
-    problem = QUADRATIC.replace(noise_std={"y": 3.0})
+    problem = QUADRATIC.replace(noise={"y": 3.0})
     design = fp.exact_design(problem, inputs(GRID), 3, goal=fp.Goal(prior_information=True))
     assert design.proven
     rows = rows_of_quadratic(GRID) / 3.0

@@ -146,7 +146,7 @@ BLIND = fp.SymbolicModel([], ["(a + b)*u + c*v"], {}, dict.fromkeys("uv", "1"), 
 def blind() -> fp.DesignProblem:
     prior = fp.GaussianPrior(mean=dict.fromkeys("abc", 1.0), std={"a": 1.0, "b": 2.0, "c": 0.5})
     region = fp.ExperimentRegion({"u": (-1, 1), "v": (-1, 1)}, constraints=["u**2 + v**2 < 1"])
-    return fp.DesignProblem(BLIND, prior, region, noise_std={"y": 1.0})
+    return fp.DesignProblem(BLIND, prior, region, noise={"y": 1.0})
 
 
 @pytest.mark.parametrize("name", ("A", "E", "ME"))

@@ -69,7 +69,7 @@ def test_an_example_runs_from_the_command_line(name: str, tmp_path: Path, capsys
     expected = {"criterion", "points", "standard_errors", "correlation", "trajectories"}
     design = fp.Design.load(tmp_path / "run")
     missing = set() if design.problem.model.states else {"trajectories"}
-    missing |= set() if design.problem.noise_std else {"standard_errors"}
+    missing |= set() if design.problem.noise else {"standard_errors"}
     assert pictures == expected - missing
     assert design.points.table.shape[0] == design.settings.n_experiments
     assert design.evaluation.covariance is not None
@@ -121,7 +121,7 @@ def test_the_drive_gain_of_the_axis_cannot_be_known() -> None:
     mean = dict(problem.prior.mean) | {"g": 35.15}
     std = {name: 0.1 * abs(value) for name, value in mean.items()}
     prior = fp.GaussianPrior(mean=mean, std=std)
-    given = fp.DesignProblem(problem.model.estimate("g"), prior, None, noise_std=problem.noise_std)
+    given = fp.DesignProblem(problem.model.estimate("g"), prior, None, noise=problem.noise)
     evaluation = fp.evaluate(given, points)
     assert evaluation.rank == 4
     (direction,) = evaluation.null_directions  # in prior std, which are in proportion to the means

@@ -33,7 +33,7 @@ QUICK: dict[str, Any] = {
 @pytest.mark.parametrize(("kind", "noise"), [(k, True) for k in KINDS] + [(k, False) for k in KINDS[1:]])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_phi_never_falls(kind: str, noise: bool, seed: int) -> None:
-    given = problem(output_covariance=kind, noise_std=NOISE if noise else None)
+    given = problem(output_covariance=kind, noise=NOISE if noise else None)
     if kind == "pointwise" and not noise:  # the three parameters of the rule give a piston that sticks no D of its own
         given = given.replace(jumps="exclude")
     design = fp.exchange(given, **QUICK, seed=seed)
@@ -342,7 +342,7 @@ def test_a_singular_start_is_left_for_a_point_that_tells_little_of_what_is_open(
         [], ["a*(1 - u) + b*max(u - 0.9, 0)"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 1.0, "b": 1.0}
     )
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, {"a": 1.0, "b": 0.01})
-    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0.0, 1.0)}), noise_std={"y": 1.0})
+    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0.0, 1.0)}), noise={"y": 1.0})
     for seed in range(5):
         design = fp.exchange(
             given, n_experiments=2, n_candidates=60, max_iterations=2, seed=seed, method=fp.ExchangeMethod(references=False)

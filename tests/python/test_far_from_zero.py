@@ -48,7 +48,7 @@ def test_a_peak_far_from_zero(place: float, width: float, noise: dict[str, float
     for seed in range(3):
         y = data(seed)
         start = {"A": 0.9, "c": place + 0.2 * width, "w": 1.2 * width}
-        fit = fp.estimate(PEAK, measured(place, width, y), start=start, noise_std=noise)
+        fit = fp.estimate(PEAK, measured(place, width, y), start=start, noise=noise)
         assert fit.converged, fit.stop_reason
         best, digits = alone(y), 4 * np.spacing(abs(place)) / width
         assert fit.estimate["A"] == pytest.approx(best[0], abs=1e-8 + digits)
@@ -61,7 +61,7 @@ def test_a_peak_far_from_zero(place: float, width: float, noise: dict[str, float
 def test_several_unknowns_far_from_zero(place: float, width: float, noise: dict[str, float] | None) -> None:
     y = data(0) + 0.5 * np.exp(-((Z - 1.5) ** 2) / 2)
     start = {"A": 0.9, "c": place + 0.1 * width, "w": 1.1 * width, "B": 0.6, "d": place + 1.4 * width}
-    fit = fp.estimate(PEAKS, measured(place, width, y), start=start, noise_std=noise)
+    fit = fp.estimate(PEAKS, measured(place, width, y), start=start, noise=noise)
     assert fit.converged, fit.stop_reason
     off = np.array([fit.estimate["c"] - place, fit.estimate["d"] - place - 1.5 * width])
     assert np.abs(off / [fit.standard_errors["c"], fit.standard_errors["d"]]).max() < 4
@@ -72,7 +72,7 @@ def test_profiles_far_from_zero(place: float, width: float) -> None:
     """Ends that are closer than a share of 1e-12 of the unknown are told apart."""
     y = data(0)
     near, far = (
-        fp.estimate(PEAK, measured(at, size, y), start={"A": 0.9, "c": at + 0.2 * size, "w": size}, noise_std=NOISE)
+        fp.estimate(PEAK, measured(at, size, y), start={"A": 0.9, "c": at + 0.2 * size, "w": size}, noise=NOISE)
         for at, size in ((0.0, 1.0), (place, width))
     )
     expected, found = near.profile("c"), far.profile("c")
@@ -86,7 +86,7 @@ def test_a_bound_that_is_close_is_not_where_the_estimate_is() -> None:
     """Of an unknown of 1e8 with a standard error of 3e-4, 1e-3 is no rounding."""
     place = 1e8
     start = {"A": 0.9, "c": place + 0.2, "w": 1.0}
-    fit = fp.estimate(PEAK, measured(place, 1.0, data(0)), start=start, noise_std=NOISE, bounds={"c": (place - 1e-3, None)})
+    fit = fp.estimate(PEAK, measured(place, 1.0, data(0)), start=start, noise=NOISE, bounds={"c": (place - 1e-3, None)})
     assert fit.converged and not fit.at_bounds and np.isfinite(fit.standard_errors["c"])
 
 
@@ -110,7 +110,7 @@ def test_trajectories_beside_an_offset(place: float, noise: dict[str, float] | N
     runs = fp.Runs(np.zeros((2, 1)), np.repeat(rng.uniform(-1, 1, (2, 8)), 4, axis=1), 0.1)
     for design in (points, runs):
         given = fp.VirtualRig(LEVEL, true, {"y": 1e-3, "z": 1e-2}, seed=1).measure(design)
-        fit = fp.estimate(LEVEL, given, start=start, noise_std=noise)
+        fit = fp.estimate(LEVEL, given, start=start, noise=noise)
         assert fit.converged, fit.stop_reason
         assert all(abs(fit.estimate[name] - true[name]) < 5 * fit.standard_errors[name] for name in true)
 
@@ -125,7 +125,7 @@ def test_a_record_with_a_clock(place: float, noise: dict[str, float] | None) -> 
     t = np.arange(50) * 0.1
     y = np.exp(-(((t - 2.5) / 0.7) ** 2) / 2) + 1e-3 * np.random.default_rng(0).standard_normal(50)
     record = fp.Record(t, np.zeros((50, 1)), y[:, None], x0={"c": place})
-    fit = fp.estimate(model, record, start={"A": 0.9, "t0": place + 2.3, "w": 0.8}, noise_std=noise)
+    fit = fp.estimate(model, record, start={"A": 0.9, "t0": place + 2.3, "w": 0.8}, noise=noise)
     assert fit.converged, fit.stop_reason
     assert abs(fit.estimate["t0"] - place - 2.5) < 4 * fit.standard_errors["t0"]
 
@@ -137,16 +137,16 @@ def test_a_tolerance_that_is_coarser_than_the_noise_is_told(seed: int) -> None:
     place, rng = 1e8, np.random.default_rng(seed)
     runs = fp.Runs(np.full((2, 1), place), np.repeat(rng.uniform(-1, 1, (2, 8)), 4, axis=1), 0.1)
     given = fp.VirtualRig(model, {"k": 1.3, "e": place, "b": 0.7}, NOISE, seed=seed).measure(runs)
-    fit = fp.estimate(model, given, start={"k": 1.0, "e": place + 0.1, "b": 0.6}, noise_std=NOISE)
+    fit = fp.estimate(model, given, start={"k": 1.0, "e": place + 0.1, "b": 0.6}, noise=NOISE)
     assert not fit.converged or abs(fit.estimate["e"] - place) < 5 * fit.standard_errors["e"]
     assert fit.converged or fit.stop_reason == "rounding"
 
 
-@pytest.mark.parametrize("settings", [{}, {"noise": "estimated"}, {"use_prior": True}])
+@pytest.mark.parametrize("settings", [{}, {"noise_known": False}, {"use_prior": True}])
 @pytest.mark.parametrize("place", [1e4, 1.7e9, 1e10])
 def test_virtual_experiments_far_from_zero(place: float, settings: dict[str, Any]) -> None:
     prior = fp.GaussianPrior({"A": 1.0, "c": place, "w": 1.0}, {"A": 0.1, "c": 0.2, "w": 0.1})
-    problem = fp.DesignProblem(PEAK, prior, None, noise_std=NOISE)
+    problem = fp.DesignProblem(PEAK, prior, None, noise=NOISE)
     points = fp.Experiments(np.empty((15, 0)), place + np.linspace(-2, 2, 15)[:, None])
     assert fp.validate(problem, points, runs=40, **settings).designs["design"].failed == 0
 

@@ -22,7 +22,7 @@ from saved_places import DELETE, edited
 
 def test_files_hold_the_fit_and_are_whole(tmp_path: Path) -> None:
     model, data = decay()
-    fit = fp.estimate(model, data, noise_std={"c": 0.2}, start=None)
+    fit = fp.estimate(model, data, noise={"c": 0.2}, start=None)
     paths = fit.save(tmp_path / "new" / "directory")
     assert sorted(path.name for path in paths) == ["estimate.csv", "fit.json", "residuals.csv"]
     assert sorted(path.name for path in (tmp_path / "new" / "directory").iterdir()) == ["estimate.csv", "fit.json", "residuals.csv"]
@@ -64,10 +64,10 @@ def test_a_fit_comes_back_from_its_file_and_from_a_pickle(kind: str, tmp_path: P
     model, data = decay()
     log = fp.GaussianPrior({"c_0": 18.0, "k": 6e-4}, relative_std={"c_0": 0.3, "k": 0.3}, log=["k"])
     fit = {
-        "points": lambda: fp.estimate(model, [data[:5], data[5:]], noise_std={"c": 0.2}),
+        "points": lambda: fp.estimate(model, [data[:5], data[5:]], noise={"c": 0.2}),
         "bound": lambda: fp.estimate(model, data, bounds={"k": (None, 4e-4)}),
         "prior": lambda: fp.estimate(
-            model, data, log, noise_std={"c": 0.2}, deviations=fp.Deviations(initial_state_std={"share": 0.01})
+            model, data, log, noise={"c": 0.2}, deviations=fp.Deviations(initial_state_std={"share": 0.01})
         ),
         "record": tanks_fit,
     }[kind]()
@@ -80,7 +80,7 @@ def test_a_fit_comes_back_from_its_file_and_from_a_pickle(kind: str, tmp_path: P
 
 def test_a_file_that_is_no_fit_is_told(tmp_path: Path) -> None:
     model, data = decay()
-    fit = fp.estimate(model, data, noise_std={"c": 0.2})
+    fit = fp.estimate(model, data, noise={"c": 0.2})
     fit.save(tmp_path)
     path = tmp_path / "fit.json"
     text, whole = path.read_text(), json.loads(path.read_text())
@@ -114,7 +114,7 @@ def as_it_is(x: Any, u: Any, theta: Any) -> Any:
 def test_a_fit_of_python_functions_is_pickled_and_not_loaded(tmp_path: Path) -> None:
     data = decay()[1]
     model = fp.CallableModel(falling, as_it_is, {"c": "1"}, {}, {"k": "1/s"}, {"c": "1"}, nominal={"k": 1e-3})
-    fit = fp.estimate(model, fp.Measurements(data.points, data.y / 20), noise_std={"c": 0.02})
+    fit = fp.estimate(model, fp.Measurements(data.points, data.y / 20), noise={"c": 0.02})
     fit.save(tmp_path)
     assert json.loads((tmp_path / "fit.json").read_text())["parameters"]["k"]["estimate"] == fit.estimate["k"]
     with pytest.raises(ValueError, match=r"expected a fit with its model, given one without: .*given CallableModel"):
@@ -124,7 +124,7 @@ def test_a_fit_of_python_functions_is_pickled_and_not_loaded(tmp_path: Path) -> 
 
 def test_what_is_not_finite_is_null_in_the_file(tmp_path: Path) -> None:
     model, data = decay(n=1)
-    fit = fp.estimate(model, data, noise_std={"c": 0.2})
+    fit = fp.estimate(model, data, noise={"c": 0.2})
     assert fit.to_dict()["parameters"]["k"]["standard_error"] is None
     fit.save(tmp_path)
     json.loads((tmp_path / "fit.json").read_text(), parse_constant=lambda name: pytest.fail(name))

@@ -31,7 +31,7 @@ def test_every_picture_is_drawn(known: bool) -> None:
     from fisherpoint.show.style import encoded
 
     problem, data = cylinder()
-    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std if known else None)
+    fit = fp.estimate(problem.model, data, problem.prior, noise=problem.noise if known else None)
     plots = plots_of(fit, [fit.profile("c_L")] if known else [])
     assert list(plots) == ["parity", "residuals", "correlation", "ellipses", *(["profiles"] if known else [])]
     figures = {name: plot() for name, plot in plots.items()}
@@ -45,7 +45,7 @@ def test_every_picture_is_drawn(known: bool) -> None:
 
 def test_pictures_of_a_single_parameter() -> None:
     model, data = decay()
-    fit = fp.estimate(model, data, parameters=["k"], noise_std={"c": 0.2})
+    fit = fp.estimate(model, data, parameters=["k"], noise={"c": 0.2})
     assert list(plots_of(fit)) == ["parity", "residuals"]
 
 
@@ -53,7 +53,7 @@ def test_samples_tell_what_was_measured() -> None:
     from fisherpoint.show.page_pictures import for_page
 
     problem, data = cylinder()
-    fit = fp.estimate(problem.model, data, problem.prior, noise_std=problem.noise_std)
+    fit = fp.estimate(problem.model, data, problem.prior, noise=problem.noise)
     for kind in ("parity", "residuals"):
         markup = for_page(kind, fit.plot(kind)).markup
         for sample in range(1, len(data.points) + 1):
@@ -68,7 +68,7 @@ def test_a_record_is_drawn_over_time() -> None:
     u = 2.0 + np.where((np.arange(100) // 15) % 2, 1.0, -1.0)
     theta = dict(model.nominal)
     y = fp.simulate_record(model, t, u, theta, {"h1": 5.0, "h2": 4.0}).y + np.random.default_rng(1).normal(0, 0.05, (100, 1))
-    fit = fp.estimate(model, fp.Record(t, u, y, x0={"h1": 5.0}), parameters=["k1", "k3", "k4"], noise_std={"level": 0.05})
+    fit = fp.estimate(model, fp.Record(t, u, y, x0={"h1": 5.0}), parameters=["k1", "k3", "k4"], noise={"level": 0.05})
     assert fit.parameters == ("k1", "k3", "k4", "x0_h2")
     assert fit.units["x0_h2"] == "V"
     assert "x0_h2" in str(fit)

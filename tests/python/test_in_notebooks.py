@@ -47,7 +47,7 @@ def runs() -> fp.Runs:
 def problem() -> fp.DesignProblem:
     prior = fp.GaussianPrior(THETA, relative_std={"k": 0.1})
     region = fp.ExperimentRegion({"h": (0.5, 1.0), "u": (0.0, 0.1), "dt": (0.1, 5.0)})
-    return fp.DesignProblem(MODEL, prior, region, noise_std={"y": 0.01})
+    return fp.DesignProblem(MODEL, prior, region, noise={"y": 0.01})
 
 
 @cache
@@ -57,7 +57,7 @@ def rig() -> fp.VirtualRig:
 
 @cache
 def fit() -> fp.Fit:
-    return fp.estimate(MODEL, rig().measure(points()), noise_std={"y": 0.01}, start=THETA)
+    return fp.estimate(MODEL, rig().measure(points()), noise={"y": 0.01}, start=THETA)
 
 
 SHOWN: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
@@ -129,7 +129,7 @@ JUMPING = fp.DesignProblem(
     JUMPS,
     fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.3}),
     fp.ExperimentRegion({"h": (0.1, 3.0), "dt": (0.01, 1.0)}),
-    noise_std={"y": 0.01},
+    noise={"y": 0.01},
     jumps="exclude",
 )
 DRAWN: dict[str, Callable[[], Any]] = {

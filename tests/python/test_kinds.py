@@ -45,9 +45,7 @@ class Chain:
         }
         region = fp.ExperimentRegion({**bounds, "dt": (0.5, 3.0)})
         noise = {output.name: NOISE for output in self.model.outputs}
-        return fp.DesignProblem(
-            self.model, prior, region, noise_std=noise, rule=fp.Unscented(), output_covariance="noise", rtol=1e-8
-        )
+        return fp.DesignProblem(self.model, prior, region, noise=noise, rule=fp.Unscented(), output_covariance="noise", rtol=1e-8)
 
     def outputs(self, x0: Array, u: Array, dt: float, theta: Array) -> Array:
         x = self.one.automaton.course(x0.tolist(), u.tolist(), theta.tolist(), dt).x
@@ -118,7 +116,7 @@ def test_covariances_over_the_nodes_are_their_sums(chain: Chain, design: fp.Desi
 def test_data_give_the_parameters_back(chain: Chain, design: fp.Design) -> None:
     noise = {output.name: NOISE for output in chain.model.outputs}
     data = fp.VirtualRig(chain.model, chain.theta, noise, seed=3).measure(design.points, repeats=3)
-    fit = fp.estimate(chain.model, data, chain.problem.prior, noise_std=noise, starts=1, rtol=1e-8)
+    fit = fp.estimate(chain.model, data, chain.problem.prior, noise=noise, starts=1, rtol=1e-8)
     off = (fit.theta - chain.theta) / chain.std
     assert np.abs(off).max() < 5
     checked = fp.validate(chain.problem, {"designed": design.points}, runs=5, use_prior=True)

@@ -77,13 +77,13 @@ Bounds = dict[str, tuple[float, float]]
 def problem(model: fp.SymbolicModel, mean: dict[str, float], bounds: Bounds, sigma: float = 1.0, **given: Any) -> fp.DesignProblem:
     std = {name: 0.1 * (i + 1) for i, name in enumerate(mean)}  # all different
     prior = fp.GaussianPrior(mean=mean, std=std)
-    return fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise_std={"y": sigma}, **given)
+    return fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise={"y": sigma}, **given)
 
 
 def log_det_m(given: fp.DesignProblem, evaluation: fp.Evaluation) -> float:
     """log det of the file's M."""
-    assert given.noise_std is not None
-    sigma = given.noise_std["y"]
+    assert given.noise is not None
+    sigma = given.noise["y"]
     return evaluation.log_det - len(given.std) * math.log(2 / sigma**2) - 2 * float(np.log(given.std).sum())
 
 
@@ -141,7 +141,7 @@ def test_the_next_point_of_a_growth_curve() -> None:
 
     def log_det_f(t: float) -> float:
         """Of the sum of the points, not their mean."""
-        return log_det_m(given, evaluated(t)) - 2 * math.log(given.noise_std["y"] ** 2) + 2 * math.log(7)  # type: ignore[index]
+        return log_det_m(given, evaluated(t)) - 2 * math.log(given.noise["y"] ** 2) + 2 * math.log(7)  # type: ignore[index]
 
     grid = np.linspace(0.002, 10, 5000)
     values = np.array([log_det_f(t) for t in grid[::10]])

@@ -1,4 +1,4 @@
-"""Outputs that `noise_std` does not name are not measured: everything is as with a model that does not have them."""
+"""Outputs that `noise` does not name are not measured: everything is as with a model that does not have them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ RUNS = fp.RunRegion(BOUNDS | {"a": 1.0, "z": 0.5}, 4)
 
 def both(region: Any, **options: Any) -> tuple[fp.DesignProblem, fp.DesignProblem]:
     """Of the model with all outputs, of which two are measured, and of the model with these alone."""
-    return tuple(fp.DesignProblem(one, PRIOR, region, noise_std=NOISE, **options) for one in (ALL, FEW))  # type: ignore[return-value]
+    return tuple(fp.DesignProblem(one, PRIOR, region, noise=NOISE, **options) for one in (ALL, FEW))  # type: ignore[return-value]
 
 
 def same(first: fp.Evaluation, second: fp.Evaluation) -> None:
@@ -127,8 +127,8 @@ def test_pieces() -> None:
         designs.append(fp.design_pieces(problem, some, 3, threads=1))
     assert designs[0].windows.tolist() == designs[1].windows.tolist()
     assert designs[0].evaluation.log_det == pytest.approx(designs[1].evaluation.log_det, rel=1e-9)
-    bad = fp.DesignProblem(ALL, PRIOR, None, noise_std={"y1": 0.01}, initial_state_std={"a": 0.05})
-    with pytest.raises(ValueError, match="initial_state_std: expected a standard deviation of 'z', as noise_std has none of 'y3'"):
+    bad = fp.DesignProblem(ALL, PRIOR, None, noise={"y1": 0.01}, initial_state_std={"a": 0.05})
+    with pytest.raises(ValueError, match="initial_state_std: expected a standard deviation of 'z', as noise has none of 'y3'"):
         fp.design_pieces(bad, fp.pieces(record, ALL, length=10, states={"a": a}), 3)
 
 
@@ -138,7 +138,7 @@ def test_fits_leave_out_what_is_not_named() -> None:
     record = logged()
     few = fp.Record(record.t, record.u, record.y[:, MEASURED])
     for one, other in ((whole, part), (record, few), ([whole, record], [part, few])):
-        first, second = (fp.estimate(of, data, PRIOR, noise_std=NOISE, threads=1) for of, data in ((ALL, one), (FEW, other)))
+        first, second = (fp.estimate(of, data, PRIOR, noise=NOISE, threads=1) for of, data in ((ALL, one), (FEW, other)))
         assert first.estimate == pytest.approx(second.estimate, rel=1e-7)
         assert dict(first.standard_errors) == pytest.approx(dict(second.standard_errors), rel=1e-6)
         assert tuple(first.tests) == tuple(NOISE) and "y2" not in str(first)
@@ -147,10 +147,10 @@ def test_fits_leave_out_what_is_not_named() -> None:
 def test_a_set_of_data_of_other_outputs_alone_is_left_out() -> None:
     whole, _ = data_of(fp.exchange(both(REGION)[1], 8, **QUICK).points)
     alone = fp.Measurements(whole.points, np.where([False, True, False], whole.y, np.nan))
-    fit = fp.estimate(ALL, [alone, whole], PRIOR, noise_std=NOISE)
+    fit = fp.estimate(ALL, [alone, whole], PRIOR, noise=NOISE)
     assert len(fit.data) == 1
     with pytest.raises(ValueError, match="data: expected a number of y1, y3, whose noise is known; given none"):
-        fp.estimate(ALL, alone, PRIOR, noise_std=NOISE)
+        fp.estimate(ALL, alone, PRIOR, noise=NOISE)
 
 
 @pytest.mark.parametrize("options", [{}, {"varies": {"c": 0.05}, "parameters": ["k", "b"]}], ids=str)
@@ -158,7 +158,7 @@ def test_validations(options: dict[str, Any]) -> None:
     first, second = both(REGION, **options)
     points = fp.exchange(second, 6, **QUICK).points
     one, other = (fp.validate(problem, {"d": points}, runs=30, seed=2, threads=1) for problem in (first, second))
-    assert tuple(one.noise_std) == tuple(NOISE)
+    assert tuple(one.noise) == tuple(NOISE)
     for name, promise in one.designs["d"].parameters.items():
         assert promise.promised == pytest.approx(other.designs["d"].parameters[name].promised, rel=1e-9)
         assert 0.5 < promise.ratio.value < 2.0
@@ -175,7 +175,7 @@ def test_campaigns(region: Any, tmp_path: Path) -> None:
             campaign.tell(data_of(campaign.next(), seed)[k])
         found.append(campaign)
         again = fp.Campaign.load(tmp_path / str(k))
-        assert again.problem.noise_std == NOISE and again.estimate == campaign.estimate
+        assert again.problem.noise == NOISE and again.estimate == campaign.estimate
     assert found[0].estimate == pytest.approx(found[1].estimate, rel=1e-5)
     found[0].report()
 
@@ -185,7 +185,7 @@ def test_saved_designs_reports_and_pictures(tmp_path: Path) -> None:
     design = fp.exchange(problem, 4, **QUICK)
     design.save(tmp_path)
     again = fp.Design.load(tmp_path)
-    assert again.problem.noise_std == NOISE and again.points == design.points
+    assert again.problem.noise == NOISE and again.points == design.points
     assert "y2: not measured" in str(design.report())
     facts = problem._in_notebook().sections[0].rows
     assert ("not measured", "y2") in facts
@@ -196,7 +196,7 @@ def test_saved_designs_reports_and_pictures(tmp_path: Path) -> None:
 
 def test_a_picture_of_responses_has_no_bar_of_what_is_not_measured() -> None:
     problem = fp.DesignProblem(
-        ALL, PRIOR, fp.ExperimentRegion(BOUNDS | {"a": (1.0, 1.0), "z": (0.5, 0.5), "u": (0.5, 0.5)}), noise_std=NOISE
+        ALL, PRIOR, fp.ExperimentRegion(BOUNDS | {"a": (1.0, 1.0), "z": (0.5, 0.5), "u": (0.5, 0.5)}), noise=NOISE
     )
     figure = PLOTS["points"](fp.exchange(problem, 4, **QUICK))
     bars = [len(axes.containers[0].lines[2]) for axes in figure.axes]
@@ -207,17 +207,17 @@ def test_the_file_of_a_problem(tmp_path: Path) -> None:
     table = ALL.to_toml() + "".join(f"[prior.{name}]\nmean = {mean}\nstd = 0.1\n" for name, mean in MEAN.items())
     table += "[region]\n" + "".join(f"{name} = [{low}, {high}]\n" for name, (low, high) in BOUNDS.items())
     path = tmp_path / "problem.toml"
-    path.write_text(table + "[noise_std]\ny1 = 0.01\ny3 = 0.05\n")
-    assert dict(load_config(path).problem().noise_std or {}) == NOISE
-    for noise, told in (("", "at least one of y1, y2, y3, given none"), ("y4 = 1.0\n", "unknown key noise_std.y4")):
-        path.write_text(f"{table}[noise_std]\n{noise}")
+    path.write_text(table + "[noise]\ny1 = 0.01\ny3 = 0.05\n")
+    assert dict(load_config(path).problem().noise or {}) == NOISE
+    for noise, told in (("", "at least one of y1, y2, y3, given none"), ("y4 = 1.0\n", "unknown key noise.y4")):
+        path.write_text(f"{table}[noise]\n{noise}")
         with pytest.raises(ConfigError, match=told):
             load_config(path)
 
 
 def test_the_command_fits_what_the_file_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = ALL.to_toml() + "".join(f"[prior.{name}]\nmean = {mean}\nstd = 0.1\n" for name, mean in MEAN.items())
-    (tmp_path / "problem.toml").write_text(table + "[noise_std]\ny1 = 0.01\ny3 = 0.05\n")
+    (tmp_path / "problem.toml").write_text(table + "[noise]\ny1 = 0.01\ny3 = 0.05\n")
     whole, _ = data_of(fp.exchange(both(REGION)[1], 8, **QUICK).points)
     whole.to_csv(tmp_path / "data.csv", ALL)
     given = ["estimate", str(tmp_path / "problem.toml"), str(tmp_path / "data.csv")]
@@ -231,8 +231,8 @@ def test_the_command_fits_what_the_file_names(tmp_path: Path, capsys: pytest.Cap
 
 @pytest.mark.parametrize(("noise", "message"), [({}, "at least one of y1, y2, y3; given none"), ({"y4": 1.0}, "y4")])
 def test_no_output_or_another_is_an_error(noise: dict[str, float], message: str) -> None:
-    with pytest.raises(ValueError, match=f"noise_std: expected .*{message}"):
-        fp.DesignProblem(ALL, PRIOR, REGION, noise_std=noise)
+    with pytest.raises(ValueError, match=f"noise: expected .*{message}"):
+        fp.DesignProblem(ALL, PRIOR, REGION, noise=noise)
     points = fp.Experiments([[1.0, 1.0]], [[0.5]], [1.0])
-    with pytest.raises(ValueError, match=f"noise_std: expected .*{message}"):
-        fp.estimate(ALL, fp.Measurements(points, [[1.0, 1.0, 1.0]]), PRIOR, noise_std=noise)
+    with pytest.raises(ValueError, match=f"noise: expected .*{message}"):
+        fp.estimate(ALL, fp.Measurements(points, [[1.0, 1.0, 1.0]]), PRIOR, noise=noise)

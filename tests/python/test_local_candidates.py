@@ -140,7 +140,7 @@ def decay(bounds: tuple[float, float] = (0.1, 5.0)) -> fp.DesignProblem:
     """x' = -k x from x = 1: k is told best by a point at dt = 1 / k = 1."""
     model = fp.SymbolicModel(["-k*x"], ["x"], {"x": "1"}, {}, {"k": "1/s"}, {"x": "1"})
     prior = fp.GaussianPrior(mean={"k": 1.0}, std={"k": 0.1})
-    return fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (1.0, 1.0), "dt": bounds}), noise_std={"x": 1.0})
+    return fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (1.0, 1.0), "dt": bounds}), noise={"x": 1.0})
 
 
 def test_patience_ends_a_search_that_has_come_to_its_optimum() -> None:
@@ -195,7 +195,7 @@ def test_a_design_that_stays_singular_determines_what_it_can(seed: int) -> None:
     prior = fp.GaussianPrior(mean=dict.fromkeys("abc", 1.0), std=dict.fromkeys("abc", 1.0))
     region = fp.ExperimentRegion({"u": (0, 1), "v": (0, 1), "w": (0, 0)}, constraints=["u + v < 1"])
     design = paper(
-        fp.DesignProblem(model, prior, region, noise_std={"y": 1.0}),
+        fp.DesignProblem(model, prior, region, noise={"y": 1.0}),
         2,
         n_candidates=50,
         max_iterations=60,

@@ -41,7 +41,7 @@ def test_at_the_mean_of_a_log_normal_prior_an_estimate_is_off_by_nothing() -> No
     for times in (1.0, 1.5):
         truth = {name: times * value for name, value in mean.items()}
         data = fp.VirtualRig(model, truth, {"y": 0.0, "z": 0.0}).measure(points)
-        fit = fp.estimate(model, data, prior, noise_std={"y": 1e-6, "z": 1e-6})
+        fit = fp.estimate(model, data, prior, noise={"y": 1e-6, "z": 1e-6})
         expected = {"a": np.log(times) / np.sqrt(np.log(1.09)), "b": (times - 1) / 0.3}
         for name, value in expected.items():
             assert shift(fit, prior, name) == pytest.approx(value, abs=1e-4)
@@ -55,7 +55,7 @@ def test_a_prior_that_takes_the_other_sign_is_named(log: bool, over: bool) -> No
     prior = fp.GaussianPrior(DIFFUSION.nominal, {"k": 6.0, "c": 0.2}, log=["k"] if log else [])
     region = fp.ExperimentRegion({"x": (0.5, 1.0), "dt": (0.1, 1.0)})
     problem = fp.DesignProblem(
-        DIFFUSION, prior, region, noise_std={"y": 0.01}, output_covariance="noise" if over else "pooled", rule=fp.TensorGrid(3)
+        DIFFUSION, prior, region, noise={"y": 0.01}, output_covariance="noise" if over else "pooled", rule=fp.TensorGrid(3)
     )
     settings = {"n_experiments": 4, "n_candidates": 5, "max_iterations": 1, "method": fp.ExchangeMethod(references=False)}
     if over:

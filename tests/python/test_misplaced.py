@@ -17,7 +17,7 @@ from fisherpoint.design.file.configuration import ConfigError, load_config
 EXAMPLE = (Path(__file__).parents[2] / "examples" / "michaelis_menten.toml").read_text()
 
 MODEL = fp.SymbolicModel([], ["a + b*u"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 1.0, "b": 1.0})
-PROBLEM = fp.DesignProblem(MODEL, fp.GaussianPrior({"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 1.0}), None, noise_std={"y": 1.0})
+PROBLEM = fp.DesignProblem(MODEL, fp.GaussianPrior({"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 1.0}), None, noise={"y": 1.0})
 POINTS = fp.Experiments(np.empty((2, 0)), [[0.0], [1.0]])
 
 SEARCHES: dict[str, Callable[..., Any]] = {
@@ -39,7 +39,7 @@ SEARCHES: dict[str, Callable[..., Any]] = {
         ("[design]", "[design]\nhold = []", "unknown key design.hold; hold belongs to the table [runs.rest]"),
         ("[design]", "[design]\nconstraints = []", "unknown key design.constraints; constraints belongs to the table [region]"),
         ("[design]", "[goal]\nseed = 1\n[design]", "unknown key goal.seed; seed belongs to the table [rule] or [design]"),
-        ("[design]", "[design]\nnoise_std = 1", "unknown key design.noise_std; noise_std is a table of its own, [noise_std]"),
+        ("[design]", "[design]\nnoise = 1", "unknown key design.noise; noise is a table of its own, [noise]"),
         ("[design]", "[targets]\na = 1\n[design]", "unknown key targets; targets belongs to the table [campaign]"),
         ("[model]", 'criterion = "A"\n[model]', "unknown key criterion; criterion belongs to the table [goal]"),
         ("[design]", "[design]\nsead = 1", "unknown key design.sead; expected one of output_covariance, "),
@@ -109,7 +109,7 @@ def test_every_function_that_takes_options_names_them() -> None:
 
 
 def test_starts_and_time_limit_may_be_given_directly() -> None:
-    problem = fp.DesignProblem(MODEL, PROBLEM.prior, fp.ExperimentRegion({"u": (0.0, 1.0)}), noise_std={"y": 1.0})
+    problem = fp.DesignProblem(MODEL, PROBLEM.prior, fp.ExperimentRegion({"u": (0.0, 1.0)}), noise={"y": 1.0})
     direct = fp.exchange(problem, 2, method="paper", max_iterations=3, starts=2, time_limit=60.0)
     inside = fp.exchange(problem, 2, method=fp.ExchangeMethod("paper", starts=2, time_limit=60.0), max_iterations=3)
     assert direct.settings == inside.settings and direct.points == inside.points

@@ -193,7 +193,7 @@ SMALL = (
     + """
 [prior]
 k = { mean = 1.0, std = 0.1 }
-[noise_std]
+[noise]
 x = 0.01
 [region]
 x = [0.1, 1.0]

@@ -48,7 +48,7 @@ def test_a_problem_asks_for_the_natural_size_of_a_state_that_keeps_far_below_one
 
     def problem(model: fp.SymbolicModel, largest: float) -> fp.DesignProblem:
         region = fp.ExperimentRegion({"v": (largest / 2, largest), "dt": (0.1, 1.0)})
-        return fp.DesignProblem(model, fp.GaussianPrior({"k": 1e-3}, relative_std={"k": 0.1}), region, noise_std={"v": 1e-6})
+        return fp.DesignProblem(model, fp.GaussianPrior({"k": 1e-3}, relative_std={"k": 0.1}), region, noise={"v": 1e-6})
 
     with pytest.warns(RuntimeWarning, match=r"v: expected its natural size.*write \('m3', 0.002\)"):
         problem(tank("m3"), 2e-3)

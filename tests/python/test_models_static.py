@@ -34,8 +34,8 @@ def relative(model: fp.Model, share: float = 0.1) -> fp.GaussianPrior:
     return fp.GaussianPrior(mean=model.nominal, relative_std=dict.fromkeys(model.nominal, share))
 
 
-DOSE = fp.DesignProblem(dose, relative(dose), fp.ExperimentRegion({"d": (0.01, 10.0)}), noise_std={"E": 0.1})
-DECAY = fp.DesignProblem(decay, relative(decay), fp.ExperimentRegion({"c": (1.0, 1.0), "dt": (0.1, 50.0)}), noise_std={"c": 0.01})
+DOSE = fp.DesignProblem(dose, relative(dose), fp.ExperimentRegion({"d": (0.01, 10.0)}), noise={"E": 0.1})
+DECAY = fp.DesignProblem(decay, relative(decay), fp.ExperimentRegion({"c": (1.0, 1.0), "dt": (0.1, 50.0)}), noise={"c": 0.01})
 
 
 def test_runs_of_a_static_model_are_its_points(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_runs_of_a_static_model_are_its_points(tmp_path: Path) -> None:
     runs.to_csv(tmp_path / "runs.csv", dose)
     assert fp.Runs.from_csv(tmp_path / "runs.csv", dose) == runs
     data = fp.VirtualRig(dose, dose.nominal, {"E": 0.1}).measure(runs)
-    fit = fp.estimate(dose, data, noise_std={"E": 0.1}, prior=DOSE.prior)
+    fit = fp.estimate(dose, data, noise={"E": 0.1}, prior=DOSE.prior)
     fit.save(tmp_path)
     assert fit.converged and fp.Fit.load(tmp_path).data[0] == data
 
@@ -81,7 +81,7 @@ def test_the_region_of_a_static_model_has_no_dt() -> None:
     points = DOSE.region.draw(dose, 5, seed=0)
     assert points.table.shape == (5, 2) and (points.dt == 1.0).all()
     with pytest.raises(ValueError, match=r"region: expected the names d; given unknown 'dt'"):
-        fp.DesignProblem(dose, DOSE.prior, fp.ExperimentRegion({"d": (0, 1), "dt": (1, 1)}), noise_std={"E": 0.1})
+        fp.DesignProblem(dose, DOSE.prior, fp.ExperimentRegion({"d": (0, 1), "dt": (1, 1)}), noise={"E": 0.1})
     half = fp.ExperimentRegion({"d": (0.0, 1.0)}, ["d < 0.5"])
     np.testing.assert_array_equal(half.satisfied(dose, points), points.u[:, 0] < 0.5)
 
@@ -105,7 +105,7 @@ def test_a_static_design_has_its_points_where_theory_puts_them() -> None:
     # Two parameters of a line: half of the points at each end.
     line = fp.SymbolicModel([], ["a + b*t_h"], {}, {"t_h": "h"}, {"a": "m", "b": "m/h"}, {"y": "m"}, name="line")
     prior = fp.GaussianPrior(mean={"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 1.0})
-    problem = fp.DesignProblem(line, prior, fp.ExperimentRegion({"t_h": (-1.0, 1.0)}), noise_std={"y": 1.0})
+    problem = fp.DesignProblem(line, prior, fp.ExperimentRegion({"t_h": (-1.0, 1.0)}), noise={"y": 1.0})
     design = fp.exchange(problem, n_experiments=4, max_iterations=60, method=fp.ExchangeMethod(references=False))
     assert np.sort(design.points.u[:, 0]) == pytest.approx([-1, -1, 1, 1], abs=0.05)
     assert design.evaluation.log_det == pytest.approx(np.log(4.0), abs=0.1)  # F = (2/L) diag(4, 4)

@@ -48,7 +48,7 @@ k1 = { mean = 0.05, relative_std = 0.1, unit = "m^0.5/s" }
 k2 = { mean = 0.04, relative_std = 0.1 }
 k3 = { mean = 0.06, relative_std = 0.1 }
 
-[noise_std]
+[noise]
 h2 = 1e-3
 h1 = { value = 1e-3, unit = "m" }
 

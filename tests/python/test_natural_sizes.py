@@ -28,7 +28,7 @@ CALLS: dict[str, Callable[[fp.Model], object]] = {
     "predictive_covariance": lambda model: fp.predictive_covariance(model, POINTS, PRIOR, fp.SparseGaussHermite(2)),
     "simulate_record": lambda model: fp.simulate_record(model, [0.0, 1.0, 2.0], np.zeros((3, 0)), THETA, [5e-6]),
     "rig": lambda model: fp.VirtualRig(model, THETA, {"y": 1e-8}).measure(POINTS),
-    "estimate": lambda model: fp.estimate(model, DATA, noise_std={"y": 1e-8}, prior=PRIOR),
+    "estimate": lambda model: fp.estimate(model, DATA, noise={"y": 1e-8}, prior=PRIOR),
     "problem": lambda model: fp.DesignProblem(model, PRIOR, fp.ExperimentRegion({"s": (1e-6, 5e-6), "dt": (0.1, 3.0)})),
 }
 

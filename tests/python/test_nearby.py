@@ -29,7 +29,7 @@ BRAKING, PUSHED, BALANCED = [1.0, 0.0, 0.2], [0.0, 5.0, 1.0], [0.0, 1.01, 1.0]  
 def slider(**changes: Any) -> fp.DesignProblem:
     prior = fp.GaussianPrior(mean=SLIDER.nominal, relative_std={"m": 0.3, "F": 0.3})
     region = fp.ExperimentRegion({"v": (0.0, 0.0), "f": (0.5, 5.0), "dt": (0.5, 1.0)})
-    return fp.DesignProblem(SLIDER, prior, **({"region": region, "noise_std": {"v": 0.02}} | changes))
+    return fp.DesignProblem(SLIDER, prior, **({"region": region, "noise": {"v": 0.02}} | changes))
 
 
 def points(*rows: list[float]) -> fp.Experiments:
@@ -40,7 +40,7 @@ def errors_by_hand(problem: fp.DesignProblem, given: fp.Experiments, theta: np.n
     """Standard errors, and the whitened sensitivities in SI units."""
     result = fp.sensitivities(problem.model, given, theta, rtol=problem.rtol)
     assert not result.status.any()
-    noise = np.array(list((problem.noise_std or {}).values()))
+    noise = np.array(list((problem.noise or {}).values()))
     white = (result.dy_dtheta / noise[:, None]).reshape(-1, len(theta))
     scale = np.linalg.norm(white, axis=0)
     return np.sqrt(np.diag(np.linalg.inv(white.T @ white / np.outer(scale, scale)))) / scale, white
@@ -163,7 +163,7 @@ def points_of_cylinder() -> fp.Experiments:
 def test_points_without_a_trajectory_there_are_counted_and_told() -> None:
     tank = fp.SymbolicModel(["-k*sqrt(h)"], ["h"], {"h": "m"}, {}, {"k": "sqrt(m)/s"}, {"h": "m"})
     prior = fp.GaussianPrior(mean={"k": 1.0}, relative_std={"k": 0.3})
-    problem = fp.DesignProblem(tank, prior, None, noise_std={"h": 0.05})
+    problem = fp.DesignProblem(tank, prior, None, noise={"h": 0.05})
     given = fp.Experiments.of_table(tank, np.array([[1.0, 1.0], [1.0, 1.95]]))  # empty after 2/k
     evaluated = evaluate_points(problem, given)
     assert evaluated.evaluation.nearby is not None
@@ -191,7 +191,7 @@ def test_jumps_that_candidates_may_not_meet_are_crossed_there_as_fits_cross_them
 
 def test_log_normal_parameters_stay_positive() -> None:
     prior = fp.GaussianPrior(mean={"m": 1.0, "F": 1.0}, std={"m": 0.3, "F": 2.0}, log=["F"])
-    problem = fp.DesignProblem(SLIDER, prior, None, noise_std={"v": 5.0})
+    problem = fp.DesignProblem(SLIDER, prior, None, noise={"v": 5.0})
     nearby = evaluate_points(problem, points(BRAKING, PUSHED, [0.0, 1.5, 1.0])).evaluation.nearby
     assert nearby is not None and all(value > 0 for value in nearby.parameters.values())
 

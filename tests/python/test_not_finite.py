@@ -36,7 +36,7 @@ def problem(**changes: Any) -> fp.DesignProblem:
         "model": model("equations"),
         "prior": PRIOR,
         "region": fp.ExperimentRegion({"u": (0.0, 1.0)}),
-        "noise_std": {"y": 0.1, "z": 0.1},
+        "noise": {"y": 0.1, "z": 0.1},
         "rule": fp.LinearizedRule(),
     }
     return fp.DesignProblem(**arguments | changes)
@@ -90,7 +90,7 @@ def test_a_region_of_which_all_points_overflow_says_why() -> None:
         fp.exchange(problem(region=fp.ExperimentRegion({"u": (1.0, 2.0)})), 4)
     growth = fp.SymbolicModel([], ["exp(p*u)"], {}, {"u": "1"}, {"p": "1"})
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 1.0})
-    given = fp.DesignProblem(growth, prior, fp.ExperimentRegion({"u": (280.0, 300.0)}), noise_std={"y": 1.0})
+    given = fp.DesignProblem(growth, prior, fp.ExperimentRegion({"u": (280.0, 300.0)}), noise={"y": 1.0})
     with pytest.raises(ValueError, match=r"expected points that are valid over the prior, given 0 of \d+ tried \(not_finite \d+\)"):
         fp.exchange(given, 4)
 
@@ -103,7 +103,7 @@ DIODE = fp.SymbolicModel([], ["I_s*(exp(u/(n*0.0259)) - 1)"], {}, {"u": "V"}, {"
 def test_a_diode_past_the_largest_number_is_no_point(kind: str, rule: fp.Rule) -> None:
     prior = fp.GaussianPrior({"I_s": 1e-9, "n": 1.2}, relative_std={"I_s": 0.1, "n": 0.1})
     region = fp.ExperimentRegion({"u": (0.1, 30.0)})
-    given = fp.DesignProblem(DIODE, prior, region, noise_std={"y": 1e-3}, rule=rule, output_covariance=kind)
+    given = fp.DesignProblem(DIODE, prior, region, noise={"y": 1e-3}, rule=rule, output_covariance=kind)
     spread = fp.predictive_covariance(DIODE, fp.Experiments(np.empty((2, 0)), [[0.5], [24.0]]), prior, rule)
     assert spread.status.tolist() == [fp.Status.ok, fp.Status.not_finite] and np.isfinite(spread.covariance).all()
     design = worded(lambda: fp.exchange(given, 3, n_candidates=10, max_iterations=8))
@@ -139,11 +139,11 @@ def test_nodes_whose_outputs_overflow_are_lost_and_no_more() -> None:
 
 @pytest.mark.parametrize("std", [1e-200, 1e-160, 1e160, 1e308])
 def test_noise_whose_square_is_no_number_is_refused(std: float) -> None:
-    with pytest.raises(ValueError, match=r"noise_std\['y'\]: expected a standard deviation between 1e-100 and 1e\+100, given"):
-        problem(noise_std={"y": std, "z": 0.1})
+    with pytest.raises(ValueError, match=r"noise\['y'\]: expected a standard deviation between 1e-100 and 1e\+100, given"):
+        problem(noise={"y": std, "z": 0.1})
     data = fp.Measurements(POINTS, [[0.0, 1.0], [1.0, 2.0]])
-    with pytest.raises(ValueError, match=r"noise_std\['y'\]: expected a standard deviation between 1e-100 and 1e\+100, given"):
-        fp.estimate(model("equations"), data, PRIOR, noise_std={"y": std, "z": 0.1})
+    with pytest.raises(ValueError, match=r"noise\['y'\]: expected a standard deviation between 1e-100 and 1e\+100, given"):
+        fp.estimate(model("equations"), data, PRIOR, noise={"y": std, "z": 0.1})
 
 
 def test_an_information_that_overflows_is_told() -> None:
@@ -151,9 +151,9 @@ def test_an_information_that_overflows_is_told() -> None:
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 1e100})
     flat, steep = (fp.Experiments(np.empty((1, 0)), [[u]]) for u in (1e-60, 1e70))
     # What is so far below the noise is none.
-    assert fp.evaluate(fp.DesignProblem(line, prior, None, noise_std={"y": 1e100}), flat).rank == 0
+    assert fp.evaluate(fp.DesignProblem(line, prior, None, noise={"y": 1e100}), flat).rank == 0
     with pytest.raises(ValueError, match=r"points: expected trajectories that are ok, given points\[0\] \(not_finite\)"):
-        fp.evaluate(fp.DesignProblem(line, prior, None, noise_std={"y": 1e-100}), steep)
+        fp.evaluate(fp.DesignProblem(line, prior, None, noise={"y": 1e-100}), steep)
 
 
 def test_outputs_that_nearly_depend_on_each_other_are_told_in_words() -> None:
@@ -164,7 +164,7 @@ def test_outputs_that_nearly_depend_on_each_other_are_told_in_words() -> None:
     for kind in KINDS:
         region = fp.ExperimentRegion({"u": (0.5, 4.0)})
         given = fp.DesignProblem(
-            same, prior, region, noise_std={"y": 1e-12, "z": 1e-12}, rule=fp.LinearizedRule(), output_covariance=kind
+            same, prior, region, noise={"y": 1e-12, "z": 1e-12}, rule=fp.LinearizedRule(), output_covariance=kind
         )
         worded(lambda given=given: fp.evaluate(given, points))  # type: ignore[misc]
         worded(lambda given=given: fp.exchange(given, 2, n_candidates=5, max_iterations=3))  # type: ignore[misc]

@@ -25,7 +25,7 @@ def problem(names: Sequence[str], rule: fp.Rule, of_prior: Sequence[str] = ("a",
     model = fp.SymbolicModel([], ["a*u + b*u**2 + c*u**3"], {}, {"u": "1"}, dict.fromkeys(names, "1"))
     region = fp.ExperimentRegion({"u": (0.1, 2.0)})
     return fp.DesignProblem(
-        model, prior(of_prior), region, noise_std={"y": 0.1}, rule=rule, output_covariance="pooled", parameters=["a"]
+        model, prior(of_prior), region, noise={"y": 0.1}, rule=rule, output_covariance="pooled", parameters=["a"]
     )
 
 

@@ -130,7 +130,7 @@ HUMP = fp.SymbolicModel([], ["(theta**2 - 3*theta)*t*exp(-theta*t)"], {}, {"t": 
 
 def of_one(model: fp.SymbolicModel, upper: float = 6.0) -> fp.DesignProblem:
     prior = fp.GaussianPrior({"theta": 1.0}, std={"theta": 0.5})
-    return fp.DesignProblem(model, prior, fp.ExperimentRegion({"t": (0.0, upper)}), noise_std={"y": 0.1})
+    return fp.DesignProblem(model, prior, fp.ExperimentRegion({"t": (0.0, upper)}), noise={"y": 0.1})
 
 
 def slopes_of(model: fp.SymbolicModel, t: float, theta: float) -> float:
@@ -274,7 +274,7 @@ def test_points_are_valid_in_every_scenario() -> None:
     model = fp.SymbolicModel(["p*x**2"], ["x"], {"x": "1"}, {}, {"p": "1"}, {"y": "1"})
     region = fp.ExperimentRegion({"x": (1.0, 1.0), "dt": (0.1, 0.95)})
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 0.01})
-    given = fp.DesignProblem(model, prior, region, noise_std={"y": 0.1})
+    given = fp.DesignProblem(model, prior, region, noise={"y": 0.1})
     design = fp.exchange(
         given, 1, n_candidates=8, max_iterations=24, goal=fp.Goal(over=fp.OverPrior("log", scenarios=[{}, {"p": 1.25}]))
     )
@@ -409,7 +409,7 @@ def test_misuse_is_told(make: Any, message: str) -> None:
 def test_kept_points_must_be_valid_in_every_scenario() -> None:
     model = fp.SymbolicModel(["p*x**2"], ["x"], {"x": "1"}, {}, {"p": "1"}, {"y": "1"})
     prior = fp.GaussianPrior({"p": 1.0}, std={"p": 0.01})
-    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (1.0, 1.0), "dt": (0.1, 0.95)}), noise_std={"y": 0.1})
+    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (1.0, 1.0), "dt": (0.1, 0.95)}), noise={"y": 0.1})
     late = fp.Experiments(np.ones((1, 1)), np.zeros((1, 0)), np.array([0.9]))
     with pytest.raises(ValueError, match=r"keep: expected valid points, given points\[0\]"):
         fp.exchange(given, 2, keep=late, goal=fp.Goal(over=fp.OverPrior("log", scenarios=[{"p": 1.3}])))

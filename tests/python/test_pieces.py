@@ -22,7 +22,7 @@ from run_cases import NOISE, THETA, tanks
 
 MODEL = tanks()
 PRIOR = fp.GaussianPrior(THETA, {"k1": 0.1, "k2": 0.05})
-PROBLEM = fp.DesignProblem(MODEL, PRIOR, None, noise_std=NOISE)
+PROBLEM = fp.DesignProblem(MODEL, PRIOR, None, noise=NOISE)
 STD = np.array(list(NOISE.values()))
 
 
@@ -257,7 +257,7 @@ def pushed(seed: int) -> tuple[fp.DesignProblem, fp.Record]:
         {"x": "m", "v": "m/s"},
     )
     problem = fp.DesignProblem(
-        model, fp.GaussianPrior({"b": 2.0, "c": 1.0}, {"b": 0.2, "c": 0.2}), None, noise_std={"x": 0.01, "v": 0.02}
+        model, fp.GaussianPrior({"b": 2.0, "c": 1.0}, {"b": 0.2, "c": 0.2}), None, noise={"x": 0.01, "v": 0.02}
     )
     rng = np.random.default_rng(seed)
     t, u = 0.1 * np.arange(2000), np.repeat(rng.choice([-0.05, 0.05], 200), 10)[:, None]
@@ -280,7 +280,7 @@ def test_estimates_keep_the_promise_and_are_better_than_from_windows_evenly_spre
                 problem.model,
                 data,
                 start=problem.prior.mean,
-                noise_std=problem.noise_std,
+                noise=problem.noise,
                 deviations=fp.Deviations(initial_state_std=design.problem.initial_state_std),
             )
             promised = design.evaluation.standard_errors or {}
@@ -313,7 +313,7 @@ def test_limits_along_the_way_do_not_count_for_what_was_measured() -> None:
 def test_what_a_record_leaves_open_is_named() -> None:
     model = tanks(parameters={"k1": "1", "k2": "1", "d": "1"}, constants={"c": (1.0, "1")})
     prior = fp.GaussianPrior({**THETA, "d": 1.0}, {"k1": 0.1, "k2": 0.05, "d": 0.1})
-    problem = fp.DesignProblem(model, prior, None, noise_std=NOISE)
+    problem = fp.DesignProblem(model, prior, None, noise=NOISE)
     some = fp.pieces(logged(200), model, length=20)
     with pytest.raises(ValueError, match=r"^pieces: expected windows .* given 2 of 3; not determined, in prior std: 1.00 d\. "):
         fp.design_pieces(problem, some, 3)
@@ -326,7 +326,7 @@ def test_too_few_windows_say_what_they_leave_open() -> None:
     )
     u = np.repeat([[1.0, 0.0], [1.0, 0.0], [0.0, 2.0], [0.0, 1.0]], 5, axis=0)
     record = fp.Record(np.arange(20.0), u, np.ones((20, 2)))
-    problem = fp.DesignProblem(model, fp.GaussianPrior({"a": 1, "b": 1}, {"a": 1, "b": 1}), None, noise_std={"x": 1, "y": 1})
+    problem = fp.DesignProblem(model, fp.GaussianPrior({"a": 1, "b": 1}, {"a": 1, "b": 1}), None, noise={"x": 1, "y": 1})
     one, two = (fp.design_pieces(problem, fp.pieces(record, model, length=5), n) for n in (1, 2))
     assert one.log_det == -np.inf and one.efficiency is None and np.isnan(one.shares).all()
     assert [dict(null) for null in one.evaluation.null_directions] in ([{"a": 1.0}], [{"b": 1.0}])
@@ -411,7 +411,7 @@ def refused() -> dict[str, tuple[Any, str]]:
         "many": (lambda: best(n=6), "n_pieces: expected at most the 5 windows that share no sample, given 6"),
         "zero": (lambda: best(n=0), "n_pieces: expected a whole number of at least 1, given 0"),
         "another model": (
-            lambda: best(fp.DesignProblem(blind, fp.GaussianPrior({**THETA, "c": 1}, {**THETA, "c": 1}), None, noise_std=NOISE)),
+            lambda: best(fp.DesignProblem(blind, fp.GaussianPrior({**THETA, "c": 1}, {**THETA, "c": 1}), None, noise=NOISE)),
             "problem: expected one of the model of the pieces, ",
         ),
         "precision": (

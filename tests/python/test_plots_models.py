@@ -33,8 +33,8 @@ def plane(x, u, p):  # type: ignore[no-untyped-def]
 def design(model: fp.SymbolicModel, bounds: dict[str, tuple[float, float]], n: int = 4, noise: bool = True) -> fp.Design:
     mean = {quantity.name: 1e-4 for quantity in model.parameters}
     prior = fp.GaussianPrior(mean=mean, relative_std=dict.fromkeys(mean, 0.1))
-    noise_std = {quantity.name: 0.1 for quantity in model.outputs}
-    given = fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise_std=noise_std if noise else None)
+    noise = {quantity.name: 0.1 for quantity in model.outputs}
+    given = fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise=noise if noise else None)
     return fp.exchange(given, n, n_candidates=10, max_iterations=20, method=fp.ExchangeMethod(references=False))
 
 
@@ -56,7 +56,7 @@ def test_a_design_in_one_variable_is_shown_on_its_outputs(noise: bool) -> None:
 
 
 def test_numbers_of_samples_are_off_the_curve_and_the_bars() -> None:
-    problem = design(decay, {"c": (1.0, 1.0), "dt": (1.0, 40_000.0)}).problem.replace(noise_std={"c": 0.1, "rate": 1e-5})
+    problem = design(decay, {"c": (1.0, 1.0), "dt": (1.0, 40_000.0)}).problem.replace(noise={"c": 0.1, "rate": 1e-5})
     figure = plot_points(evaluate_points(problem, fp.Experiments([[1.0]] * 8, np.empty((8, 0)), [8000.0] * 8)))
     figure.draw_without_rendering()
     for axes in figure.axes:
@@ -161,7 +161,7 @@ def test_points_alike_share_a_row_of_trajectories() -> None:
     prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
     table = [[1.0, 2.0], [1.0, 2.001], [1.0, 500.0], [1.0, 1.99]]
     points = fp.Experiments.of_table(relaxing, np.array(table))
-    problem = fp.DesignProblem(relaxing, prior, None, noise_std={"y": 0.01})
+    problem = fp.DesignProblem(relaxing, prior, None, noise={"y": 0.01})
     figure = plot_trajectories(evaluate_points(problem, points))
     assert [text.get_text() for text in figure.texts] == ["1\n2\n4", "3"]
     short, long = figure.axes
@@ -180,7 +180,7 @@ def two_times() -> tuple[fp.DesignProblem, fp.Experiments]:
     prior = fp.GaussianPrior({"tau": 1.0, "T": 1000.0}, relative_std={"tau": 0.2, "T": 0.2})
     region = fp.ExperimentRegion({"a": (0.0, 1.0), "b": (0.0, 1.0), "u": (0.0, 1.0), "dt": (0.1, 1e4)})
     table = [[0.2, 0.1, 1.0, dt] for dt in (0.5, 5.0, 8000.0)]
-    return fp.DesignProblem(model, prior, region, noise_std={"y": 0.01, "z": 0.01}), fp.Experiments.of_table(model, np.array(table))
+    return fp.DesignProblem(model, prior, region, noise={"y": 0.01, "z": 0.01}), fp.Experiments.of_table(model, np.array(table))
 
 
 def test_durations_over_decades_have_a_logarithmic_axis() -> None:
@@ -242,7 +242,7 @@ def test_a_panel_of_fixed_quantities_is_left_out() -> None:
     prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
     region = fp.ExperimentRegion({"x": (0.0, 0.0), "v": (0.0, 0.0), "u": (-1.0, 1.0), "dt": (0.1, 2.0)})
     points = fp.Experiments.of_table(model, np.array([[0.0, 0.0, 1.0, 2.0], [0.0, 0.0, -1.0, 1.0]]))
-    figure = plot_points(evaluate_points(fp.DesignProblem(model, prior, region, noise_std={"y": 0.1}), points))
+    figure = plot_points(evaluate_points(fp.DesignProblem(model, prior, region, noise={"y": 0.1}), points))
     assert [(axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes[:-1]] == [("dt [s]", "u [N]")]
 
 

@@ -28,7 +28,7 @@ def problem(parameters: list[str] | None = None) -> fp.DesignProblem:
     """A quadratic in two factors with noise 1."""
     names = [quantity.name for quantity in quadratic.parameters]
     prior = fp.GaussianPrior(dict.fromkeys(names, 0.0), covariance=correlated())
-    return fp.DesignProblem(quadratic, prior, fp.ExperimentRegion(SQUARE), noise_std={"y": 1.0}, parameters=parameters)
+    return fp.DesignProblem(quadratic, prior, fp.ExperimentRegion(SQUARE), noise={"y": 1.0}, parameters=parameters)
 
 
 def rows(table: np.ndarray) -> np.ndarray:
@@ -83,7 +83,7 @@ def test_of_some_parameters_it_is_that_of_their_own_covariance() -> None:
         fp.Measurements(at(GRID[:1]), np.zeros((1, 1))),
         given.prior,
         parameters=["c_1", "c_2"],
-        noise_std={"y": 1.0},
+        noise={"y": 1.0},
         starts=1,
     )
     assert [fit.standard_errors[name] for name in ("c_1", "c_2")] == pytest.approx(errors.tolist(), rel=1e-6)
@@ -140,7 +140,7 @@ def test_what_is_known_already_need_not_be_measured() -> None:
     line = fp.SymbolicModel(f=[], g=["a + b*u"], states={}, inputs={"u": "1"}, parameters={"a": "1", "b": "1"}, outputs={"y": "1"})
     region = fp.ExperimentRegion({"u": (-1, 1)})
     for std, expected in (({"a": 1e-3, "b": 10.0}, 1.0), ({"a": 10.0, "b": 1e-3}, None)):
-        given = fp.DesignProblem(line, fp.GaussianPrior({"a": 0.0, "b": 0.0}, std), region, noise_std={"y": 0.1})
+        given = fp.DesignProblem(line, fp.GaussianPrior({"a": 0.0, "b": 0.0}, std), region, noise={"y": 0.1})
         design = fp.exchange(given, 1, goal=fp.Goal(prior_information=True), **QUICK)
         if expected is not None:
             assert abs(design.points.u[0, 0]) == pytest.approx(expected)

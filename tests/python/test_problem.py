@@ -18,25 +18,25 @@ def copies(given: fp.DesignProblem) -> list[fp.DesignProblem]:
 
 
 def test_an_output_covariance_that_was_not_told_follows_the_noise() -> None:
-    for blind in copies(problem(noise_std=None)):
+    for blind in copies(problem(noise=None)):
         assert blind.output_covariance == "region"
-        for known in copies(blind.replace(noise_std=NOISE)):
+        for known in copies(blind.replace(noise=NOISE)):
             assert known.output_covariance == "noise"
-            assert known.replace(noise_std=None).output_covariance == "region"
+            assert known.replace(noise=None).output_covariance == "region"
 
 
 @pytest.mark.parametrize("kind", ["region", "pooled", "pointwise"])
 def test_one_that_was_told_stays(kind: str) -> None:
-    for told in copies(problem(noise_std=None, output_covariance=kind)):
-        for known in copies(told.replace(noise_std=NOISE)):
+    for told in copies(problem(noise=None, output_covariance=kind)):
+        for known in copies(told.replace(noise=NOISE)):
             assert known.output_covariance == kind
             assert known.replace(output_covariance=None).output_covariance == "noise"
 
 
 def test_one_that_was_told_is_refused_where_it_does_not_fit() -> None:
     for told in copies(problem(output_covariance="noise")):
-        with pytest.raises(ValueError, match="noise_std: expected the sensor noise for output_covariance='noise', given none"):
-            told.replace(noise_std=None)
+        with pytest.raises(ValueError, match="noise: expected the sensor noise for output_covariance='noise', given none"):
+            told.replace(noise=None)
     for told in copies(problem(output_covariance="region")):
         with pytest.raises(ValueError, match="region: expected a region of points for output_covariance='region', given None"):
             told.replace(region=None)

@@ -104,7 +104,7 @@ def test_intervals_are_those_of_a_brute_force_grid(
 ) -> None:
     model, data, y = data_of(name, formula, at, std, seed=9)
     output = model.outputs[0].name
-    fit = fp.estimate(model, data, noise_std={output: std} if known else None)
+    fit = fp.estimate(model, data, noise={output: std} if known else None)
     n, p = len(y), 2
 
     def rise(lowest: float) -> float:
@@ -136,7 +136,7 @@ def straight_line(n: int = 8, noise: float = 0.3) -> tuple[Any, fp.Measurements]
 
 def test_of_a_linear_model_it_is_the_linear_interval() -> None:
     model, data = straight_line()
-    known = fp.estimate(model, data, start={"a": 0.0, "b": 1.0}, noise_std={"y": 0.3, "z": 0.9})
+    known = fp.estimate(model, data, start={"a": 0.0, "b": 1.0}, noise={"y": 0.3, "z": 0.9})
     one = fp.Measurements(data.points, data.y * [1.0, np.nan])
     estimated = fp.estimate(model, one, start={"a": 0.0, "b": 1.0})
     for fit in (known, estimated):
@@ -151,7 +151,7 @@ def test_of_a_linear_model_it_is_the_linear_interval() -> None:
 
 def test_threads_do_not_change_it() -> None:
     model, data = straight_line()
-    fit = fp.estimate(model, data, start={"a": 0.0, "b": 1.0}, noise_std={"y": 0.3, "z": 0.9})
+    fit = fp.estimate(model, data, start={"a": 0.0, "b": 1.0}, noise={"y": 0.3, "z": 0.9})
     one, two, given = (fit.profile("a", threads=threads) for threads in (1, 2, None))
     assert one.interval == two.interval == given.interval and np.array_equal(one.unknowns, two.unknowns)
     assert fit.weighted.observed.with_threads(3)._given[-1] == 3
@@ -173,7 +173,7 @@ def test_of_two_outputs_with_unknown_noise_it_is_close_to_the_interval_by_studen
 def test_an_end_that_does_not_exist_is_told() -> None:
     """Far below saturation, V/K is told and V is not."""
     model, data, _ = data_of("michaelis_menten", michaelis_menten, [0.002, 0.003, 0.004, 0.005, 0.006], 1.0, seed=1)
-    profile = fp.estimate(model, data, noise_std={"rate": 1.0}).profile("V")
+    profile = fp.estimate(model, data, noise={"rate": 1.0}).profile("V")
     assert profile.interval[1] == np.inf
     assert profile.ends == ("converged", "not_bounded")
     assert np.isfinite(profile.interval[0])
@@ -185,7 +185,7 @@ def test_an_end_that_does_not_exist_is_told() -> None:
 
 def test_an_end_at_a_bound_is_told() -> None:
     model, data, _ = data_of("michaelis_menten", michaelis_menten, [0.02, 0.06, 0.11, 0.22], 20.0, seed=1)
-    fit = fp.estimate(model, data, noise_std={"rate": 20.0}, bounds={"V": (100, 230)})
+    fit = fp.estimate(model, data, noise={"rate": 20.0}, bounds={"V": (100, 230)})
     profile = fit.profile("V")
     assert profile.interval[1] == pytest.approx(230)
     assert profile.ends[1] == "at_bound"
@@ -195,10 +195,10 @@ def test_a_positive_unknown_stays_positive_and_a_prior_takes_part() -> None:
     config = load_config(EXAMPLES / "michaelis_menten.toml")
     model, data, _ = data_of("michaelis_menten", michaelis_menten, [0.9, 1.0, 1.1], 20.0, seed=1)
     prior = config.build_prior()
-    fit = fp.estimate(model, data, prior, noise_std={"rate": 20.0})
+    fit = fp.estimate(model, data, prior, noise={"rate": 20.0})
     low, high = fit.profile("K").interval
     assert 0 < low < fit.estimate["K"] < high < 0.3
-    alone = fp.estimate(model, data, start=prior, noise_std={"rate": 20.0}).profile("K")
+    alone = fp.estimate(model, data, start=prior, noise={"rate": 20.0}).profile("K")
     assert alone.interval[0] == 0.0
     assert alone.ends[0] in ("at_bound", "not_bounded")
 
@@ -208,7 +208,7 @@ def test_a_single_parameter() -> None:
     model = config.build_model()
     points = fp.Experiments(np.ones((3, 1)), np.zeros((3, 0)), np.array([1e3, 2e3, 3e3]))
     y = 20.0 * np.exp(-5e-4 * points.dt) + np.array([0.3, -0.2, 0.1])
-    fit = fp.estimate(model, fp.Measurements(points, y), parameters=["k"], noise_std={"c": 0.5})
+    fit = fp.estimate(model, fp.Measurements(points, y), parameters=["k"], noise={"c": 0.5})
     low, high = fit.profile("k").interval
     for end in (low, high):
         rise = (np.square(20 * np.exp(-end * points.dt) - y) - np.square(20 * np.exp(-fit.estimate["k"] * points.dt) - y)).sum()
@@ -220,21 +220,19 @@ def test_a_better_minimum_on_the_way_is_told() -> None:
     names = {kind: dict.fromkeys(given, "1") for kind, given in {"inputs": "s", "parameters": "p", "outputs": "yz"}.items()}
     model = fp.SymbolicModel([], ["s*p**2", "s*p"], states={}, **names)
     data = fp.Measurements(fp.Experiments(np.zeros((1, 0)), [[1.0]], [1.0]), [[1.0, 1.0]])
-    fit = fp.estimate(model, data, start={"p": -1.0}, noise_std={"y": 0.8, "z": 3.0})
+    fit = fp.estimate(model, data, start={"p": -1.0}, noise={"y": 0.8, "z": 3.0})
     assert fit.estimate["p"] < 0
     profile = fit.profile("p")
     assert profile.better
     assert "a better estimate was found on the way" in str(profile)
-    again = fp.estimate(
-        model, data, start={"p": float(profile.values[np.argmin(profile.deviance)])}, noise_std={"y": 0.8, "z": 3.0}
-    )
+    again = fp.estimate(model, data, start={"p": float(profile.values[np.argmin(profile.deviance)])}, noise={"y": 0.8, "z": 3.0})
     assert again.estimate["p"] == pytest.approx(1.0, abs=1e-6)
     assert not again.profile("p").better
 
 
 def test_misuse_names_the_quantity() -> None:
     model, data = straight_line()
-    fit = fp.estimate(model, data, start={"a": 0.0, "b": 1.0}, noise_std={"y": 0.3, "z": 0.9})
+    fit = fp.estimate(model, data, start={"a": 0.0, "b": 1.0}, noise={"y": 0.3, "z": 0.9})
     with pytest.raises(ValueError, match="name: expected one of a, b; given unknown 'c'"):
         fit.profile("c")
     with pytest.raises(ValueError, match="level: expected a probability"):
@@ -245,7 +243,7 @@ def test_misuse_names_the_quantity() -> None:
 def test_values_at_which_the_others_were_not_found_are_told(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """There the deviance is too large, and the interval may be too narrow."""
     model, data, _ = data_of(*BOX_LUCAS[:4], seed=1)
-    fit = fp.estimate(model, data, noise_std={"product": 0.06} if known else None)
+    fit = fp.estimate(model, data, noise={"product": 0.06} if known else None)
     profile = fit.profile(fit.parameters[0])
     assert profile.converged.all() and "did not converge" not in str(profile)
     monkeypatch.setattr(profiles, "minimise", lambda *given, **named: minimise(*given[:4], 1, **named))

@@ -24,7 +24,7 @@ THETA = {"k": 0.5}
 def problem(**changes: Any) -> fp.DesignProblem:
     prior = fp.GaussianPrior(THETA, relative_std={"k": 0.1})
     region = fp.ExperimentRegion({"h": (0.5, 1.0), "u": (0.0, 0.1), "dt": (0.1, 5.0)})
-    return fp.DesignProblem(MODEL, prior, region, noise_std={"y": 0.01}).replace(**changes)
+    return fp.DesignProblem(MODEL, prior, region, noise={"y": 0.01}).replace(**changes)
 
 
 @cache

@@ -61,7 +61,7 @@ def test_the_certificate_of_three_exponentials() -> None:
     units = {name: "1" if name.startswith("a") else "1/s" for name in mean}
     model = fp.SymbolicModel(f=[], g=[" + ".join(terms)], states={}, inputs={"t": "s"}, outputs={"y": "1"}, parameters=units)
     prior = fp.GaussianPrior(mean, {name: 0.1 * value for name, value in mean.items()})
-    problem = fp.DesignProblem(model, prior, fp.ExperimentRegion({"t": (0.01, 60)}), noise_std={"y": 0.01})
+    problem = fp.DesignProblem(model, prior, fp.ExperimentRegion({"t": (0.01, 60)}), noise={"y": 0.01})
     design = fp.approximate_design(problem, tolerance=1e-7)
     times = np.sort(design.points.u[:, 0])
     assert times == pytest.approx([0.01, 0.1753, 0.6679, 2.0025, 6.2531, 26.8048], rel=1e-3)

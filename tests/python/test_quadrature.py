@@ -364,7 +364,7 @@ def test_the_bound_of_the_pooled_form_takes_the_covariance_of_the_nodes(rule: fp
     narrow = fp.GaussianPrior(MODEL.nominal, covariance=covariance)
     names = ("E_oil", "V_0A", "V_0B")
     settings_ = {"n_experiments": 6, "n_candidates": 10, "max_iterations": 5}
-    pooled = problem(prior=narrow, noise_std=None, rule=rule, output_covariance="pooled", parameters=names, rtol=1e-9)
+    pooled = problem(prior=narrow, noise=None, rule=rule, output_covariance="pooled", parameters=names, rtol=1e-9)
     efficiency = fp.exchange(pooled, **settings_).efficiency
     assert efficiency is not None and efficiency.bound is not None
     assert efficiency.bound == pytest.approx(3 * np.log(2 * 3 / 3) - np.log(1 - 0.8**2), abs=1e-6)

@@ -29,7 +29,7 @@ def experiment(name: str) -> tuple[fp.DesignProblem, fp.Measurements, dict[str, 
     design = fp.exchange(problem, n_experiments=count, method="paper", n_candidates=30, max_iterations=5, seed=2)
     theta = problem.model.theta(dict(problem.prior.mean))
     y = fp.simulate(problem.model, design.points, theta, rtol=RTOL).y
-    noise = problem.noise_std or {quantity.name: 1e-3 for quantity in problem.model.outputs}
+    noise = problem.noise or {quantity.name: 1e-3 for quantity in problem.model.outputs}
     return problem, fp.Measurements(design.points, y), dict(noise)
 
 
@@ -51,7 +51,7 @@ def test_theta_is_recovered_from_noise_free_data(name: str) -> None:
         start = prior_around(problem.prior, rng.choice([-1.0, 1.0], len(problem.prior.names)))
         fit, said = None, False
         try:
-            fit = fp.estimate(problem.model, data, start=dict(start.mean), noise_std=noise, rtol=RTOL)
+            fit = fp.estimate(problem.model, data, start=dict(start.mean), noise=noise, rtol=RTOL)
         except ValueError as error:
             said = "expected parameters at which trajectories are ok" in str(error)
         if fit is not None and not is_recovered(fit, problem):
@@ -60,7 +60,7 @@ def test_theta_is_recovered_from_noise_free_data(name: str) -> None:
             recovered += 1
             continue
         assert said, str(fit)
-        fit = fp.estimate(problem.model, data, start=start, noise_std=noise, rtol=RTOL)
+        fit = fp.estimate(problem.model, data, start=start, noise=noise, rtol=RTOL)
         assert is_recovered(fit, problem), str(fit)
     assert recovered >= patterns // 2
 
@@ -74,7 +74,7 @@ def test_the_gain_of_the_axis_is_told_to_be_open() -> None:
     problem, data, noise = experiment("positioning_axis")
     model = problem.model.estimate("g")
     start = {name: mean * 1.1 for name, mean in problem.prior.mean.items()} | {"g": 33.0}
-    fit = fp.estimate(model, data, start=start, noise_std=noise, rtol=RTOL)
+    fit = fp.estimate(model, data, start=start, noise=noise, rtol=RTOL)
     assert len(fit.null_directions) == 1
     assert sorted(fit.null_directions[0].split(", ")) == [f"{name} up 1 %" for name in ("F_c", "F_v", "M", "g", "offset")]
     assert all(np.isinf(error) for error in fit.standard_errors.values())
@@ -90,7 +90,7 @@ def test_a_prior_closes_the_open_direction() -> None:
     model = problem.model.estimate("g")
     mean = {**problem.prior.mean, "g": problem.model.constants["g"]}
     prior = fp.GaussianPrior(mean, {**problem.prior.std, "g": 0.05 * mean["g"]})
-    fit = fp.estimate(model, data, prior, noise_std=noise, rtol=RTOL)
+    fit = fp.estimate(model, data, prior, noise=noise, rtol=RTOL)
     assert not fit.null_directions
     assert fit.rse["g"] == pytest.approx(0.0438, abs=0.01)  # 5 %, and a little from the priors of the others
     assert fit.correlation[0, -1] > 0.999
@@ -109,7 +109,7 @@ def test_a_tank_of_which_the_level_at_the_start_is_not_known_is_told_to_have_no_
         fp.Record(t, u, y, x0={"h2": 4.0}),
         start={"k1": 0.05, "x0_h1": 5.3},
         parameters=names,
-        noise_std={"level": 0.05},
+        noise={"level": 0.05},
         rtol=RTOL,
     )
     assert len(fit.null_directions) == 1
@@ -123,7 +123,7 @@ def test_a_tank_of_which_the_level_at_the_start_is_not_known_is_told_to_have_no_
         fp.Record(t, u, y, x0={"h1": 5.0, "h2": 4.0}),
         start={"k1": 0.05},
         parameters=names,
-        noise_std={"level": 0.05},
+        noise={"level": 0.05},
         rtol=RTOL,
     )
     assert not known.null_directions
@@ -137,7 +137,7 @@ def test_points_on_a_line_tell_no_more_than_two_lines_do() -> None:
     speed, voltage = np.linspace(100.0, 600.0, 6), np.linspace(4.0, 24.0, 6)
     points = fp.Experiments(np.stack([np.zeros(6), speed], axis=1), voltage[:, None], np.full(6, 1e-2))
     y = fp.simulate(model, points, model.theta(theta), rtol=RTOL).y
-    fit = fp.estimate(model, fp.Measurements(points, y), noise_std={"i": 2e-3, "w": 0.3}, start={"L": 2e-4}, rtol=RTOL)
+    fit = fp.estimate(model, fp.Measurements(points, y), noise={"i": 2e-3, "w": 0.3}, start={"L": 2e-4}, rtol=RTOL)
     assert len(fit.null_directions) == 2
     assert fit.degrees_of_freedom == pytest.approx(12 - 4)
     assert fit.chi_square < 1e-9

@@ -143,7 +143,7 @@ def test_no_points_have_no_rows() -> None:
 
 
 def problem(region: Any) -> fp.DesignProblem:
-    return fp.DesignProblem(MODEL, PRIOR, region, noise_std=NOISE, output_covariance="noise")
+    return fp.DesignProblem(MODEL, PRIOR, region, noise=NOISE, output_covariance="noise")
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -211,7 +211,7 @@ def test_windows_of_a_record_keep_what_was_asked_for(seed: int) -> None:
     record = fp.Record(0.1 * np.arange(size), u, y)
     pieces = fp.pieces(record, model, length=length, every=every)
     count = int(rng.integers(1, min(6, size // (2 * max(length, every)))))
-    given = fp.DesignProblem(model, PRIOR, None, noise_std=NOISE, output_covariance="noise")
+    given = fp.DesignProblem(model, PRIOR, None, noise=NOISE, output_covariance="noise")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         design = fp.design_pieces(given, pieces, count, threads=1)

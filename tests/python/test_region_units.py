@@ -17,7 +17,7 @@ BOUNDS = {"T": (293.15, 303.15), "u": (500.0, 500.0), "dt": (60.0, 120.0)}
 
 
 def problem(region: fp.ExperimentRegion | fp.RunRegion) -> fp.DesignProblem:
-    return fp.DesignProblem(MODEL, fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1}), region, noise_std={"y": 0.1})
+    return fp.DesignProblem(MODEL, fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1}), region, noise={"y": 0.1})
 
 
 def test_a_problem_has_them_in_the_models_units() -> None:

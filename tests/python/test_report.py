@@ -27,12 +27,12 @@ RELATIVE_STD = dict(a_tau=0.3, b_tau=0.2, m_q=0.05, E_oil=0.2, p_t=0.2, B_v=0.1,
 BOUNDS = dict(q=(0.03, 0.27), v=(-0.25, 0.25), p_A=(2e6, 19e6), p_B=(2e6, 19e6), x_v=(-1, 1), u=(-1, 1), dt=(1e-3, 1e-2))
 
 
-def problem(noise_std: dict[str, float] | None, output_covariance: str | None = None) -> fp.DesignProblem:
+def problem(noise: dict[str, float] | None, output_covariance: str | None = None) -> fp.DesignProblem:
     model = fp.HydraulicCylinder()
     prior = fp.GaussianPrior(mean=model.nominal, relative_std=RELATIVE_STD)
     rule = fp.TensorGrid(levels={name: 2 if name in ("E_oil", "B_v") else 1 for name in prior.names})
     region = fp.ExperimentRegion(BOUNDS)
-    return fp.DesignProblem(model, prior, region, noise_std=noise_std, rule=rule, output_covariance=output_covariance)
+    return fp.DesignProblem(model, prior, region, noise=noise, rule=rule, output_covariance=output_covariance)
 
 
 @pytest.fixture(scope="module")
@@ -155,12 +155,12 @@ def test_without_noise_nothing_is_promised_and_left_out_outputs_are_named(design
     text = words(to_text(report.evaluation_report(evaluated)))
     assert evaluated.under_noise is None
     assert "\nThe D of the\n" not in to_text(report.evaluation_report(evaluated))
-    assert "No standard errors" in text and "Give [noise_std]" in text
+    assert "No standard errors" in text and "Give [noise]" in text
     assert "RSE" not in text and "stays above half the prior std" not in text
     assert "x_v: no noise is given and no parameter" in text
     frame = parameter_frame(evaluated.problem, evaluated.under_noise)
     assert frame.standard_error.isna().all() and frame.rse.isna().all() and frame.prior_std.notna().all()
-    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
+    with pytest.raises(ValueError, match="noise: expected the sensor noise"):
         plots.plot_standard_errors(evaluated)
     assert "standard_errors" not in plots_of(evaluated)
 

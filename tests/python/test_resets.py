@@ -227,7 +227,7 @@ def test_parameters_of_a_record_are_estimated() -> None:
         clean = fp.simulate_record(model, t, inputs, truth, list(x0.values()), rtol=1e-9)
         record = fp.Record(t, inputs, clean.y + std * rng.normal(size=clean.y.shape), x0=x0)
         start = dict(zip([q.name for q in model.parameters], 1.01 * truth, strict=True))
-        found = fp.estimate(model, record, start=start, noise_std={model.outputs[0].name: std})
+        found = fp.estimate(model, record, start=start, noise={model.outputs[0].name: std})
         np.testing.assert_allclose(found.theta, truth, rtol=0.02)
 
 

@@ -102,7 +102,7 @@ def both() -> fp.Runs:
 
 def problem(model: fp.Model, **options: Any) -> fp.DesignProblem:
     prior = fp.GaussianPrior(dict(zip(("k1", "k2", "m"), THETA, strict=True)), dict(zip(("k1", "k2", "m"), STD, strict=True)))
-    return fp.DesignProblem(model, prior, None, noise_std=NOISE, rtol=1e-11, **options)
+    return fp.DesignProblem(model, prior, None, noise=NOISE, rtol=1e-11, **options)
 
 
 def test_states_and_sensitivities_are_those_of_scipy() -> None:
@@ -244,7 +244,7 @@ def test_a_virtual_rig_starts_at_its_own_rest() -> None:
     assert data.points == runs
     off = fp.VirtualRig(tanks(), THETA, exact, initial_state_std={"b": 0.05}).measure(runs)
     assert np.nanmax(np.abs(off.y - data.y)) > 1e-3
-    fit = fp.estimate(tanks(), data, start={"k1": 1.2, "k2": 0.75, "m": 0.5}, noise_std=NOISE)
+    fit = fp.estimate(tanks(), data, start={"k1": 1.2, "k2": 0.75, "m": 0.5}, noise=NOISE)
     np.testing.assert_allclose(list(fit.estimate.values()), THETA, rtol=1e-5)
 
 

@@ -155,7 +155,7 @@ def test_uncertain_starts_of_a_closed_system_are_uncertain_totals() -> None:
     case = CASES["two states"]
     model, noise = case.model(["a"]), 0.01
     prior = fp.GaussianPrior(case.theta, std={"k1": 0.1, "k2": 0.1})
-    given = {"noise_std": {"y": noise}, "output_covariance": "noise", "initial_state_std": {"a": 0.1, "b": 0.2}}
+    given = {"noise": {"y": noise}, "output_covariance": "noise", "initial_state_std": {"a": 0.1, "b": 0.2}}
     evaluation = fp.evaluate(fp.DesignProblem(model, prior, None, **given), case.runs())
     moved = np.full((2, 1), 1 / 3) * [0.1, 0.2]  # a rests at a third of the total
     covariance = noise**2 * np.eye(2) + moved @ moved.T
@@ -193,7 +193,7 @@ def test_estimates_and_designs_take_closed_systems_at_rest() -> None:
     model = case.model(["c", "a"])
     runs = fp.Runs.join([fp.Runs([[a, 0.6, c]], np.empty((1, 2, 0)), 1.0, rest=fp.Rest()) for a, c in ((1.0, 0.0), (0.3, 0.1))])
     data = fp.VirtualRig(model, case.theta, {"y_1": 1e-4, "y_2": 1e-4}).measure(runs)
-    fit = fp.estimate(model.fix(m=0.5), data, start={"k": 1.5}, noise_std={"y_1": 1e-4, "y_2": 1e-4})
+    fit = fp.estimate(model.fix(m=0.5), data, start={"k": 1.5}, noise={"y_1": 1e-4, "y_2": 1e-4})
     assert fit.estimate["k"] == pytest.approx(3.0, rel=1e-2) and fit.converged
 
 

@@ -105,7 +105,7 @@ def test_dry_friction_leaves_the_input_open() -> None:
 
 def problem(region: fp.RunRegion | None = None, **more: Any) -> fp.DesignProblem:
     prior = fp.GaussianPrior(dict(zip(("k", "d", "R"), THETA, strict=True)), std={"k": 0.2, "d": 0.1, "R": 0.2})
-    return fp.DesignProblem(LIFT, prior, region, noise_std={"y": 1e-3, "c": 0.02, "F": 0.1}, output_covariance="noise", **more)
+    return fp.DesignProblem(LIFT, prior, region, noise={"y": 1e-3, "c": 0.02, "F": 0.1}, output_covariance="noise", **more)
 
 
 REGION = {"x": (0.1, 0.4), "v": 0.0, "i": (0.0, 5.0), "u": (0.0, 12.0), "w": 0.0, "dt": 0.05}
@@ -119,7 +119,7 @@ def test_designs_estimates_and_rigs_start_there() -> None:
     x = fp.simulate(LIFT, design.runs, THETA).x[:, 0]
     np.testing.assert_allclose(x[:, 2], 0.5 * 9.81 / 2.0, rtol=1e-13)
     data = fp.VirtualRig(LIFT, THETA, {"y": 1e-5, "c": 1e-5, "F": 1e-5}, seed=3).measure(design.runs)
-    fit = fp.estimate(LIFT, data, start={"k": 1.8, "d": 0.2, "R": 1.3}, noise_std={"y": 1e-5, "c": 1e-5, "F": 1e-5})
+    fit = fp.estimate(LIFT, data, start={"k": 1.8, "d": 0.2, "R": 1.3}, noise={"y": 1e-5, "c": 1e-5, "F": 1e-5})
     np.testing.assert_allclose(list(fit.estimate.values()), THETA, rtol=1e-2)
     share = fp.feasibility(problem(), design.runs, draws=50, threads=1)
     assert share.share == 1.0
@@ -206,7 +206,7 @@ check_units = false
 k = { mean = 2.0, std = 0.2 }
 R = { mean = 1.5, std = 0.2 }
 
-[noise_std]
+[noise]
 x = 1e-3
 i = 0.02
 

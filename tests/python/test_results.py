@@ -20,7 +20,7 @@ MODEL = fp.SymbolicModel(
 )
 PRIOR = fp.GaussianPrior({"k": 1.0, "b": 0.5}, {"k": 0.2, "b": 0.1})
 REGION = fp.ExperimentRegion({"x": (0.0, 2.0), "u": (0.0, 1.0), "dt": (0.1, 2.0)})
-PROBLEM = fp.DesignProblem(MODEL, PRIOR, REGION, noise_std={"x": 0.01})
+PROBLEM = fp.DesignProblem(MODEL, PRIOR, REGION, noise={"x": 0.01})
 RECORD = fp.Record(np.arange(40.0), np.sin(np.arange(40.0)) ** 2, 0.5 + 0.4 * np.cos(np.arange(40.0)))
 
 
@@ -33,7 +33,7 @@ def results() -> dict[str, Any]:
     return {
         "Design": design,
         "Evaluation": design.evaluation,
-        "Fit": fp.estimate(MODEL, data, prior=PRIOR, noise_std={"x": 0.01}),
+        "Fit": fp.estimate(MODEL, data, prior=PRIOR, noise={"x": 0.01}),
         "Validation": fp.validate(PROBLEM, {"four": design.points}, runs=20),
         "Campaign": campaign,
         "Identifiability": fp.identifiability(MODEL, PRIOR, REGION),
@@ -152,7 +152,7 @@ def test_what_cannot_be_drawn_is_told(results: dict[str, Any], tmp_path: Path) -
     design = fp.exchange(fp.DesignProblem(static, prior, region), 2, max_iterations=2, method=fp.ExchangeMethod(references=False))
     with pytest.raises(ValueError, match="kind: expected a model with states for 'trajectories'"):
         design.plot("trajectories")
-    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
+    with pytest.raises(ValueError, match="noise: expected the sensor noise"):
         design.plot("standard_errors")
 
 

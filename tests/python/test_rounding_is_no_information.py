@@ -34,7 +34,7 @@ def prior() -> fp.GaussianPrior:
 
 def locked(region: fp.ExperimentRegion | fp.RunRegion) -> fp.DesignProblem:
     """At |u| <= 1 V the torque 0.3 A k never exceeds the friction: the rotor does not turn."""
-    return fp.DesignProblem(motor(), prior(), region, noise_std=NOISE)
+    return fp.DesignProblem(motor(), prior(), region, noise=NOISE)
 
 
 def points() -> fp.DesignProblem:
@@ -112,7 +112,7 @@ def test_no_parameter_of_what_does_not_move_is_identifiable() -> None:
 @pytest.mark.parametrize("with_noise", [True, False])
 def test_an_estimate_from_a_locked_motor_leaves_the_rest_open(with_noise: bool) -> None:
     data = fp.VirtualRig(motor(), NOMINAL, NOISE, seed=3).measure(run())
-    fit = fp.estimate(motor(), data, start=NOMINAL, noise_std=NOISE if with_noise else None)
+    fit = fp.estimate(motor(), data, start=NOMINAL, noise=NOISE if with_noise else None)
     assert all(np.isfinite(fit.standard_errors[name]) == (name in TOLD) for name in NOMINAL)
 
 
@@ -121,7 +121,7 @@ def faint(share: float) -> fp.DesignProblem:
     model = fp.SymbolicModel([], [f"a*u + {share!r}*b*u**2"], {}, {"u": "1"}, dict.fromkeys("ab", "1"))
     mean = {"a": 1.0, "b": 1.0}
     region = fp.ExperimentRegion({"u": (-1, 1)})
-    return fp.DesignProblem(model, fp.GaussianPrior(mean, std=mean), region, noise_std={"y": 1e-2})
+    return fp.DesignProblem(model, fp.GaussianPrior(mean, std=mean), region, noise={"y": 1e-2})
 
 
 @pytest.mark.parametrize(("share", "rank"), [(1e-8, 2), (1e-12, 1)])
@@ -139,7 +139,7 @@ def test_what_is_below_rounding_counts_nowhere(share: float, rank: int) -> None:
     beside = fp.evaluate(problem, some, prior_information=True)
     assert beside.rank == 2 and np.isinf(beside.without_prior["b"]) == (rank == 1)  # type: ignore[index]
     data = fp.VirtualRig(problem.model, {"a": 1.0, "b": 1.0}, {"y": 1e-2}).measure(some)
-    fit = fp.estimate(problem.model, data, prior=None, start={"a": 1.0, "b": 1.0}, noise_std={"y": 1e-2})
+    fit = fp.estimate(problem.model, data, prior=None, start={"a": 1.0, "b": 1.0}, noise={"y": 1e-2})
     assert np.isfinite(fit.standard_errors["b"]) == (rank == 2)
 
 

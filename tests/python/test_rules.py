@@ -230,7 +230,7 @@ def test_rules_can_be_compared_hashed_sent_and_rebuilt_from_their_text(rule: fp.
 def test_the_default_is_the_sparse_rule_of_level_2() -> None:
     assert fp.SparseGaussHermite() == fp.SparseGaussHermite(2) == DEFAULT_RULE
     assert (
-        fp.DesignProblem(fp.HydraulicCylinder(), PRIOR, None, noise_std=dict.fromkeys(["q", "p_A", "p_B", "x_v"], 1.0)).rule
+        fp.DesignProblem(fp.HydraulicCylinder(), PRIOR, None, noise=dict.fromkeys(["q", "p_A", "p_B", "x_v"], 1.0)).rule
         == DEFAULT_RULE
     )
 

@@ -35,7 +35,7 @@ def problem(segments: int = 4, std: dict[str, float] | None = None, **region: An
     """A cart that is pushed from rest."""
     bounds = fp.RunRegion({"x": 0.0, "v": 0.0, "u": (-1, 1), "dt": 0.5}, segments, **region)
     prior = fp.GaussianPrior(MEAN, std or {"b": 0.2, "c": 0.5})
-    return fp.DesignProblem(CART, prior, bounds, noise_std={"y": 0.05})
+    return fp.DesignProblem(CART, prior, bounds, noise={"y": 0.05})
 
 
 def goal(name: str, **more: Any) -> fp.Goal:
@@ -160,7 +160,7 @@ TOO_MANY = fp.SymbolicModel(
 def unidentifiable(parameters: list[str]) -> fp.DesignProblem:
     region = fp.RunRegion({"x": 0.0, "u": (-1, 1), "dt": 0.5}, 4)
     prior = fp.GaussianPrior({"k": 2.0, "a": 1.0, "d": 1.0}, {"k": 0.2, "a": 0.5, "d": 0.1})
-    return fp.DesignProblem(TOO_MANY, prior, region, noise_std={"y": 0.05}, parameters=parameters)
+    return fp.DesignProblem(TOO_MANY, prior, region, noise={"y": 0.05}, parameters=parameters)
 
 
 def test_what_can_be_told_is_told_and_the_rest_is_named() -> None:

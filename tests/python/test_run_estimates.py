@@ -41,9 +41,7 @@ def dense(data: fp.Measurements, theta: Floats, start: bool, constant: bool) -> 
 def test_a_fit_is_that_of_dense_algebra(start: bool, constant: bool) -> None:
     data = with_gaps(measured(drawn(), initial_state_std=START if start else None))
     uncertain, initial = CONSTANT if constant else None, START if start else None
-    fit = fp.estimate(
-        MODEL, data, noise_std=NOISE, deviations=fp.Deviations(varies=uncertain, initial_state_std=initial), rtol=1e-11
-    )
+    fit = fp.estimate(MODEL, data, noise=NOISE, deviations=fp.Deviations(varies=uncertain, initial_state_std=initial), rtol=1e-11)
     assert fit.converged
     parts = list(zip(*dense(data, fit.values, start, constant), strict=True))
     information = sum(j.T @ np.linalg.solve(r_k, j) for _, j, r_k in parts)
@@ -63,7 +61,7 @@ def test_a_fit_is_that_of_dense_algebra(start: bool, constant: bool) -> None:
 def test_an_error_of_each_sample_is_another_one() -> None:
     """What the samples of a run share does not average out."""
     data = measured(drawn(share=1.0))
-    shared = fp.estimate(MODEL, data, noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START))
+    shared = fp.estimate(MODEL, data, noise=NOISE, deviations=fp.Deviations(initial_state_std=START))
     runs = data.points
     assert isinstance(runs, fp.Runs)
     _, jacobians, covariances = dense(data, shared.values, True, False)
@@ -88,7 +86,7 @@ def as_record(data: fp.Measurements) -> fp.Record:
 @pytest.mark.parametrize("prior", [None, PRIOR])
 def test_a_run_gives_the_figures_of_its_record(noise: dict[str, float] | None, prior: fp.GaussianPrior | None) -> None:
     data = with_gaps(measured(drawn(1, 40)))
-    run, record = (fp.estimate(MODEL, one, prior, noise_std=noise) for one in (data, as_record(data)))
+    run, record = (fp.estimate(MODEL, one, prior, noise=noise) for one in (data, as_record(data)))
     errors = np.array(list(record.standard_errors.values()))
     assert np.abs((run.values - record.values) / errors).max() < 1e-6
     np.testing.assert_allclose(list(run.standard_errors.values()), errors, rtol=1e-6)
@@ -104,20 +102,20 @@ def test_a_run_gives_the_figures_of_its_record(noise: dict[str, float] | None, p
 def test_a_run_of_one_segment_is_a_point_to_the_last_bit() -> None:
     points = drawn(20).starts
     data = measured(fp.Runs.of_points(points))
-    runs, of_points = (fp.estimate(MODEL, one, noise_std=NOISE) for one in (data, fp.Measurements(points, data.y[:, 0])))
+    runs, of_points = (fp.estimate(MODEL, one, noise=NOISE) for one in (data, fp.Measurements(points, data.y[:, 0])))
     assert np.array_equal(runs.values, of_points.values) and np.array_equal(runs.covariance, of_points.covariance)
 
 
 def test_runs_points_and_records_together() -> None:
     runs, points = with_gaps(measured(drawn())), fp.VirtualRig(MODEL, THETA, NOISE, seed=6).measure(drawn(9).starts)
     alone = measured(drawn(1, 20, seed=4), seed=7)
-    fit = fp.estimate(MODEL, [points, runs, as_record(alone)], noise_std=NOISE)
-    other = fp.estimate(MODEL, [fp.Measurements.join([runs, alone]), points], noise_std=NOISE)
+    fit = fp.estimate(MODEL, [points, runs, as_record(alone)], noise=NOISE)
+    other = fp.estimate(MODEL, [fp.Measurements.join([runs, alone]), points], noise=NOISE)
     errors = np.array(list(fit.standard_errors.values()))
     assert np.abs((fit.values - other.values) / errors).max() < 1e-6
     np.testing.assert_allclose(errors, list(other.standard_errors.values()), rtol=1e-6)
     one, other = (
-        fp.estimate(MODEL, given, noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START))
+        fp.estimate(MODEL, given, noise=NOISE, deviations=fp.Deviations(initial_state_std=START))
         for given in ([points, runs], [runs, points])
     )
     np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-6)
@@ -127,9 +125,9 @@ def test_runs_points_and_records_together() -> None:
 def test_runs_that_are_the_same_are_simulated_once_and_all_count() -> None:
     runs = drawn(2)
     data = measured(fp.Runs.join([runs, runs, runs]))
-    fit = fp.estimate(MODEL, data, noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START))
+    fit = fp.estimate(MODEL, data, noise=NOISE, deviations=fp.Deviations(initial_state_std=START))
     order = [3, 0, 5, 2, 1, 4]
-    other = fp.estimate(MODEL, data[order], noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START))
+    other = fp.estimate(MODEL, data[order], noise=NOISE, deviations=fp.Deviations(initial_state_std=START))
     np.testing.assert_allclose(fit.values, other.values, rtol=1e-7)
     assert fit.chi_square == pytest.approx(other.chi_square, rel=1e-6)
 
@@ -139,14 +137,14 @@ def test_a_run_that_stopped_is_fitted_up_to_there() -> None:
     runs = fp.Runs([[1.0, 1.0]], [[1.0] * 10 + [-9.0] * 2], 0.3)
     with pytest.warns(RuntimeWarning, match="left_domain"):
         data = measured(runs)
-    fit = fp.estimate(MODEL, data, noise_std=NOISE)
+    fit = fp.estimate(MODEL, data, noise=NOISE)
     assert fit.converged and len(fit.residuals) == 10
 
 
 @pytest.mark.parametrize("noise", [None, NOISE])
 def test_files_restore_a_fit(noise: dict[str, float] | None, tmp_path: Path) -> None:
     points = fp.VirtualRig(MODEL, THETA, NOISE, seed=6).measure(drawn(9).starts)
-    given = {"noise_std": noise, "deviations": fp.Deviations(initial_state_std=START if noise else None)}
+    given = {"noise": noise, "deviations": fp.Deviations(initial_state_std=START if noise else None)}
     fit = fp.estimate(MODEL, [with_gaps(measured(drawn())), points], **given)  # type: ignore[arg-type]
     fit.save(tmp_path)
     again = fp.Fit.load(tmp_path)
@@ -164,7 +162,7 @@ def test_files_restore_a_fit(noise: dict[str, float] | None, tmp_path: Path) -> 
 
 def test_pictures_and_reports_know_runs() -> None:
     fit = fp.estimate(
-        MODEL, measured(drawn(8), initial_state_std=START), noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START)
+        MODEL, measured(drawn(8), initial_state_std=START), noise=NOISE, deviations=fp.Deviations(initial_state_std=START)
     )
     figure = fit.plot("time")
     assert len(figure.axes) == 12 and "the first 6 of 8" in figure.get_suptitle()
@@ -180,16 +178,16 @@ def test_pictures_and_reports_know_runs() -> None:
 def test_what_runs_cannot_have_is_refused() -> None:
     data = measured(drawn())
     with pytest.raises(ValueError, match=r"^rule: expected tangents, None, for runs, given"):
-        fp.estimate(MODEL, data, noise_std=NOISE, deviations=fp.Deviations(initial_state_std=START, rule=fp.SparseGaussHermite(1)))
+        fp.estimate(MODEL, data, noise=NOISE, deviations=fp.Deviations(initial_state_std=START, rule=fp.SparseGaussHermite(1)))
     with pytest.raises(ValueError, match=r"^y: expected shape \(K, N, 2\) for the outputs of"):
-        fp.estimate(MODEL, fp.Measurements(data.points, data.y[:, :, :1]), noise_std=NOISE)
+        fp.estimate(MODEL, fp.Measurements(data.points, data.y[:, :, :1]), noise=NOISE)
 
 
 # --- previous information ------------------------------------------------------------------------------------------------
 
 
 def problem(**changes: Any) -> fp.DesignProblem:
-    return fp.DesignProblem(MODEL, PRIOR, None, noise_std=NOISE, rtol=1e-11, **changes)
+    return fp.DesignProblem(MODEL, PRIOR, None, noise=NOISE, rtol=1e-11, **changes)
 
 
 @pytest.mark.parametrize("start", [None, START])
@@ -236,7 +234,7 @@ def test_what_an_output_would_have_said_nearby_does_not_count() -> None:
     runs = drawn(3)
     y = filled(runs, np.ones((*runs.dt.shape, 2)))
     y[:, :, 1] = np.nan
-    quiet = fp.DesignProblem(MODEL, PRIOR, None, noise_std=NOISE | {"z": 1e6}, initial_state_std=START, rtol=1e-11)
+    quiet = fp.DesignProblem(MODEL, PRIOR, None, noise=NOISE | {"z": 1e6}, initial_state_std=START, rtol=1e-11)
     alone = fp.evaluate(quiet, runs)
     silent = fp.evaluate(quiet, runs[:1], previous=fp.Measurements(runs[1:], y[1:]))
     assert alone.nearby is not None and silent.nearby is not None

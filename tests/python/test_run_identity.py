@@ -25,7 +25,7 @@ def test_runs_from_different_rests_are_no_replicates() -> None:
     different = runs([LOW, HIGH, LOW, None], 4)
     assert [part.tolist() for part in different.distinct()] == [[0, 1, 3], [0, 1, 0, 2]]
     data = fp.VirtualRig(MODEL, {"k": 1.3}, {"y": 1e-4}).measure(different)
-    fit = fp.estimate(MODEL, data, start={"k": 0.8}, noise_std={"y": 1e-4})
+    fit = fp.estimate(MODEL, data, start={"k": 0.8}, noise={"y": 1e-4})
     assert fit.converged and fit.estimate["k"] == pytest.approx(1.3, abs=1e-3)
 
 
@@ -46,8 +46,8 @@ def test_an_estimate_is_that_of_runs_simulated_one_by_one(seed: int) -> None:
     same = np.where(chosen == len(kinds) - 1, len(kinds) - 2, chosen)
     assert (same[first][of] == same).all() and len(first) == len(set(same))
     data = fp.VirtualRig(MODEL, {"k": 1.3}, {"y": 1e-3}, seed=seed).measure(many)
-    whole = fp.estimate(MODEL, data, start={"k": 1.0}, noise_std={"y": 1e-3})
-    single = fp.estimate(MODEL, [data[k] for k in range(len(many))], start={"k": 1.0}, noise_std={"y": 1e-3})
+    whole = fp.estimate(MODEL, data, start={"k": 1.0}, noise={"y": 1e-3})
+    single = fp.estimate(MODEL, [data[k] for k in range(len(many))], start={"k": 1.0}, noise={"y": 1e-3})
     assert whole.estimate["k"] == pytest.approx(single.estimate["k"], rel=1e-9)
     assert whole.standard_errors["k"] == pytest.approx(single.standard_errors["k"], rel=1e-9)
 
@@ -122,7 +122,7 @@ def test_runs_go_different_ways_from_where_they_differ() -> None:
 def test_a_run_of_one_segment_is_a_point(kind: str) -> None:
     region = fp.ExperimentRegion({"x": (0.0, 0.2), "z": (0.0, 0.2), "u": (0.5, 1.0), "dt": (0.5, 2.0)})
     prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
-    problem = fp.DesignProblem(MODEL, prior, region, noise_std={"y": 0.01}, output_covariance=kind, initial_state_std={"x": 0.02})
+    problem = fp.DesignProblem(MODEL, prior, region, noise={"y": 0.01}, output_covariance=kind, initial_state_std={"x": 0.02})
     points = fp.Experiments([[0.0, 0.1], [0.1, 0.0], [0.2, 0.2]], [0.5, 0.8, 1.0], [0.6, 1.0, 1.9])
     alone = fp.Runs.of_points(points)
     data = fp.VirtualRig(MODEL, {"k": 1.1}, {"y": 0.01}, seed=1).measure(points)
@@ -131,7 +131,7 @@ def test_a_run_of_one_segment_is_a_point(kind: str) -> None:
         assert evaluations[0].to_pandas().equals(evaluations[1].to_pandas())
         assert np.array_equal(evaluations[0].output_covariance, evaluations[1].output_covariance)
     fits = [
-        fp.estimate(MODEL, one, prior=prior, noise_std={"y": 0.01}, deviations=fp.Deviations(initial_state_std={"x": 0.02}))
+        fp.estimate(MODEL, one, prior=prior, noise={"y": 0.01}, deviations=fp.Deviations(initial_state_std={"x": 0.02}))
         for one in (data, fp.Measurements(alone, data.y[:, None]))
     ]
     assert np.array_equal(fits[0].covariance, fits[1].covariance) and fits[0].chi_square == fits[1].chi_square
@@ -139,7 +139,7 @@ def test_a_run_of_one_segment_is_a_point(kind: str) -> None:
 
 def test_runs_are_designed_beside_points_with_the_scatter_of_their_starts() -> None:
     prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
-    problem = fp.DesignProblem(MODEL, prior, None, noise_std={"y": 0.01}, initial_state_std={"x": 0.02})
+    problem = fp.DesignProblem(MODEL, prior, None, noise={"y": 0.01}, initial_state_std={"x": 0.02})
     points = fp.Experiments([[0.0, 0.1], [0.1, 0.0], [0.2, 0.2]], [0.5, 0.8, 1.0], [0.6, 1.0, 1.9])
     for previous in (points, fp.Runs.of_points(points)):
         known, _ = previous_information(problem, previous, 1)

@@ -58,7 +58,7 @@ def two_time_constants() -> tuple[fp.DesignProblem, fp.Runs]:
     )
     prior = fp.GaussianPrior({"T": 1000.0, "tau": 1.0}, relative_std={"T": 0.2, "tau": 0.2})
     runs = fp.Runs([[0.0, 0.0]] * 2, [[1.0, 0.0, 1.0], [1.0, -1.0, 0.0]], [[1000.0, 0.5, 2.0], [800.0, 1.0, 1.0]])
-    return fp.DesignProblem(model, prior, None, noise_std={"y": 0.01}), runs
+    return fp.DesignProblem(model, prior, None, noise={"y": 0.01}), runs
 
 
 def test_short_segments_are_seen_beside_long_ones() -> None:
@@ -76,8 +76,8 @@ def test_short_segments_are_seen_beside_long_ones() -> None:
 def test_a_fit_shows_its_trajectory_between_samples(tmp_path: Path) -> None:
     problem, runs = two_time_constants()
     runs = fp.Runs(runs.x0, runs.u, runs.dt, [False, False, True])
-    rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise_std, seed=1)
-    fit = fp.estimate(problem.model, rig.measure(runs), problem.prior, noise_std={"y": 0.01})
+    rig = fp.VirtualRig(problem.model, problem.prior.mean, problem.noise, seed=1)
+    fit = fp.estimate(problem.model, rig.measure(runs), problem.prior, noise={"y": 0.01})
     for column, run in zip(columns(fit.plot("time", path=tmp_path / "time.png")), runs, strict=True):
         simulated, measured = column[0].lines
         fine = fp.simulate(problem.model, run.divided(SHARES), fit.theta, rtol=1e-9)

@@ -21,7 +21,7 @@ REPEATED = fp.Runs(np.tile(RUNS.x0[:1], (2, 1)), np.tile(RUNS.u[:1], (2, 1, 1)),
 
 
 def problem(**changes: Any) -> fp.DesignProblem:
-    return fp.DesignProblem(MODEL, PRIOR, None, noise_std=NOISE, **changes)
+    return fp.DesignProblem(MODEL, PRIOR, None, noise=NOISE, **changes)
 
 
 def sigmas(figure: Any, expected: float) -> float:
@@ -29,16 +29,16 @@ def sigmas(figure: Any, expected: float) -> float:
 
 
 @pytest.mark.parametrize("start", [None, START])
-@pytest.mark.parametrize("noise_std", [NOISE, {"y": 0.01}])
-def test_runs_keep_their_promise(start: dict[str, float] | None, noise_std: dict[str, float]) -> None:
+@pytest.mark.parametrize("noise", [NOISE, {"y": 0.01}])
+def test_runs_keep_their_promise(start: dict[str, float] | None, noise: dict[str, float]) -> None:
     given = problem(initial_state_std=start)
-    found = fp.validate(given, {"two": RUNS, "twice": REPEATED}, runs=400, theta="mean", noise_std=noise_std)
+    found = fp.validate(given, {"two": RUNS, "twice": REPEATED}, runs=400, theta="mean", noise=noise)
     for design in found.designs.values():
         assert design.fits == 400 and not design.failures
         for of in design.parameters.values():
             assert of.claimed.value == pytest.approx(of.promised, rel=0.02)
             assert sigmas(of.ratio, 1) < 4 and sigmas(of.coverage, 0.95) < 4
-    if noise_std == NOISE:
+    if noise == NOISE:
         promised = fp.evaluate(given, RUNS).standard_errors
         assert promised is not None
         for name, of in found.designs["two"].parameters.items():
@@ -78,13 +78,13 @@ def test_constants_deviate_once_per_virtual_experiment_and_starts_once_per_run()
 def test_a_true_run_that_fails_is_counted() -> None:
     runs = fp.Runs([[1.0, 1.0]], [[-0.3, -0.3]], 0.52)  # after 1.12 s at the prior mean the first tank is empty
     prior = fp.GaussianPrior(THETA, {"k1": 0.1, "k2": 0.1})
-    given = fp.DesignProblem(MODEL, prior, None, noise_std=NOISE)
+    given = fp.DesignProblem(MODEL, prior, None, noise=NOISE)
     found = fp.validate(given, {"d": runs}, runs=60).designs["d"]
     assert found.failures["the true trajectory: left_domain"] > 5 and found.fits + sum(found.failures.values()) == 60
 
 
 def test_estimated_noise_and_a_prior_serve_too() -> None:
-    found = fp.validate(problem(), {"d": drawn(3)}, runs=300, theta="mean", noise="estimated").designs["d"]
+    found = fp.validate(problem(), {"d": drawn(3)}, runs=300, theta="mean", noise_known=False).designs["d"]
     again = fp.validate(problem(), {"d": drawn(3)}, runs=300, use_prior=True).designs["d"]
     for of in (*found.parameters.values(), *again.parameters.values()):
         assert sigmas(of.ratio, 1) < 4 and sigmas(of.coverage, 0.95) < 4
@@ -117,7 +117,7 @@ def test_runs_that_do_not_serve_are_refused() -> None:
 
 def test_a_design_without_a_trajectory_at_the_mean_stands_beside_the_others(tmp_path: Path) -> None:
     prior = fp.GaussianPrior(THETA, {"k1": 0.1, "k2": 0.1})
-    given = fp.DesignProblem(MODEL, prior, None, noise_std=NOISE)
+    given = fp.DesignProblem(MODEL, prior, None, noise=NOISE)
     empties = fp.Runs([[1.0, 1.0]], [[-0.3, -0.3, -0.3]], 0.52)
     point = fp.Experiments([[1.0, 1.0], [1.0, 1.0]], [[-0.3], [0.5]], [2.0, 0.5])
     good = fp.Runs([[1.0, 1.0]], [[0.5, 0.3, 0.5]], 0.52)

@@ -111,7 +111,7 @@ def test_the_information_of_a_run_is_that_of_dense_algebra(
         mixer(),
         fp.GaussianPrior(dict(zip(("k1", "k2", "m"), THETA, strict=True)), dict(zip(("k1", "k2", "m"), std, strict=True))),
         None,
-        noise_std=NOISE,
+        noise=NOISE,
         varies=uncertain,
         initial_state_std=start,
         rtol=1e-11,
@@ -151,7 +151,7 @@ def test_a_sample_may_be_just_where_a_kink_is_crossed(share: float) -> None:
     over = np.maximum(p * ends - 1, 0.0)
     by_p, by_q = ends + q * (over * ends / p - over**2 / (2 * p**2)), over**2 / (2 * p)
     j = np.column_stack([0.1 * by_p, 0.2 * by_q]) / noise
-    evaluation = fp.evaluate(fp.DesignProblem(model, prior, None, noise_std={"y": noise}, rtol=1e-9), runs)
+    evaluation = fp.evaluate(fp.DesignProblem(model, prior, None, noise={"y": noise}, rtol=1e-9), runs)
     np.testing.assert_allclose(evaluation.information, j.T @ j, rtol=1e-6)
 
 
@@ -174,7 +174,7 @@ def test_a_run_of_one_segment_is_a_point_to_the_last_bit() -> None:
     fine = a.status == fp.Status.ok
     std = {name: 0.1 * value for name, value in model.nominal.items()}
     noise = {"q": 1e-4, "p_A": 2e4, "p_B": 2e4, "x_v": 1e-2}
-    problem = fp.DesignProblem(model, fp.GaussianPrior(dict(model.nominal), std), None, noise_std=noise)
+    problem = fp.DesignProblem(model, fp.GaussianPrior(dict(model.nominal), std), None, noise=noise)
     one, other = fp.evaluate(problem, points[fine]), fp.evaluate(problem, runs[fine])
     assert np.array_equal(one.fisher, other.fisher) and one.log_det == other.log_det
     assert one.standard_errors == other.standard_errors and one.nearby == other.nearby

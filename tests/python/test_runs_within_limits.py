@@ -63,7 +63,7 @@ def test_runs_that_must_go_on_begin_with_the_longest() -> None:
     region = fp.RunRegion({"x": 0.0, "v": 0.0, "s": 0.0, "u": (-1, 1), "dt": 0.5}, 12)
     prior = fp.GaussianPrior({"b": 2.0, "c": 1.0}, relative_std={"b": 0.05, "c": 0.05})
     limits = ["x > 0.3*s - 0.5 - 0.6*max(s - 3, 0)", "x < 0.3*s + 0.5 - 0.6*max(s - 3, 0)"]
-    design = fp.design_runs(fp.DesignProblem(model, prior, region, noise_std={"y": 0.01}, along=limits), **FEW)
+    design = fp.design_runs(fp.DesignProblem(model, prior, region, noise={"y": 0.01}, along=limits), **FEW)
     assert design.evaluation.rank == 2 and design.feasible
 
 

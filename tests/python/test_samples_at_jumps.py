@@ -56,7 +56,7 @@ FOUND = [name for name in NAMES if name != "s2"]
 def test_a_design_of_such_runs_is_evaluated() -> None:
     """It is worth as much as without these samples."""
     prior = fp.GaussianPrior({name: TRUTH[name] for name in FOUND}, relative_std=dict.fromkeys(FOUND, 0.2))
-    problem = fp.DesignProblem(model().fix(s2=2.0), prior, None, noise_std={"y": 0.01})
+    problem = fp.DesignProblem(model().fix(s2=2.0), prior, None, noise={"y": 0.01})
     n = 25
     every = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), 0.2, [[True] * n])
     without = fp.Runs([[0.0, 0.0]], np.empty((1, n, 0)), 0.2, [[k not in (9, 14) for k in range(n)]])
@@ -76,7 +76,7 @@ def test_a_fit_may_start_there(kind: str) -> None:
         t = np.append(0.0, times)
         data = fp.Record(t, np.empty((26, 0)), np.append(0.0, y)[:, None], x0={"clock": 0.0, "c": 0.0})
     start = {name: TRUTH[name] for name in FOUND}
-    fit = fp.estimate(model().fix(s2=2.0), data, start=start, noise_std={"y": 0.01})
+    fit = fp.estimate(model().fix(s2=2.0), data, start=start, noise={"y": 0.01})
     for name in FOUND:
         assert fit.estimate[name] == pytest.approx(truth[name], rel=1e-4), name
 
@@ -92,7 +92,7 @@ def test_a_sample_of_a_record_at_a_jump_that_it_feels_adds_no_information(before
     start, t = r * before * dt, dt * np.arange(2 * before + 1)
     y = np.maximum(t - before * dt, 0.0)
     record = fp.Record(t, np.empty((len(t), 0)), y[:, None], x0={"level": start, "n": 0.0})
-    fit = fp.estimate(model, record, start={"r": r, "b": 1.0}, noise_std={"y": 0.01})
+    fit = fp.estimate(model, record, start={"r": r, "b": 1.0}, noise={"y": 0.01})
     behind = np.arange(len(t)) > before
     slopes = np.column_stack([behind * start / r**2, y]) / 0.01
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
@@ -106,7 +106,7 @@ def test_a_point_in_the_instant_of_a_jump_counts_no_information() -> None:
     )
     prior = fp.GaussianPrior({"r": 1.2, "k": 0.3, "t_end": 2.0}, relative_std={"r": 0.1, "k": 0.1, "t_end": 0.05})
     region = fp.ExperimentRegion({"c": (0.0, 1.0), "dt": (0.1, 6.0)})
-    problem = fp.DesignProblem(infusion, prior, region, noise_std={"y": 0.01})
+    problem = fp.DesignProblem(infusion, prior, region, noise={"y": 0.01})
     points = fp.Experiments(np.zeros((8, 1)), np.empty((8, 0)), [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])
     with pytest.warns(UserWarning, match=r"points\[3\] in the instant"):
         whole = fp.evaluate(problem, points, output_covariance="noise")
@@ -120,6 +120,6 @@ def test_a_point_in_the_instant_of_a_jump_counts_no_information() -> None:
 def test_a_point_that_starts_on_a_jump_that_nothing_decides_is_refused() -> None:
     runaway = fp.SymbolicModel(["a*sign(x)"], ["x"], {"x": "1"}, {}, {"a": "1/s"}, {"y": "1"})
     prior = fp.GaussianPrior({"a": 1.0}, relative_std={"a": 0.1})
-    problem = fp.DesignProblem(runaway, prior, fp.ExperimentRegion({"x": (-1.0, 1.0), "dt": (0.1, 1.0)}), noise_std={"y": 0.01})
+    problem = fp.DesignProblem(runaway, prior, fp.ExperimentRegion({"x": (-1.0, 1.0), "dt": (0.1, 1.0)}), noise={"y": 0.01})
     with pytest.raises(ValueError, match=r"points\[1\] \(on_jump"):
         fp.evaluate(problem, fp.Experiments([[0.5], [0.0]], np.empty((2, 0)), [1.0, 1.0]), output_covariance="noise")

@@ -72,7 +72,7 @@ def test_over_the_prior_what_is_determined_is_of_each_scenario() -> None:
     model = fp.SymbolicModel([], ["a*b*u + c*v"], {}, dict.fromkeys("uv", "1"), dict.fromkeys("abc", "1"), {"y": "1"})
     prior = fp.GaussianPrior(mean=dict.fromkeys("abc", 1.0), std=dict.fromkeys("abc", 0.5))
     region = fp.ExperimentRegion({"u": (-1, 1), "v": (-1, 1)}, constraints=["u**2 + v**2 < 1"])
-    given = fp.DesignProblem(model, prior, region, noise_std={"y": 1.0})
+    given = fp.DesignProblem(model, prior, region, noise={"y": 1.0})
     scenarios = [{"a": 1.0}, {"a": 2.0}, {"b": 0.5}]
     design = fp.exchange(given, 4, goal=fp.Goal(over=fp.OverPrior("log", scenarios=scenarios)), **QUICK)
     values = []
@@ -89,7 +89,7 @@ def test_over_the_prior_what_is_determined_is_of_each_scenario() -> None:
 def test_nothing_at_all_is_an_error() -> None:
     model = fp.SymbolicModel([], ["a*u"], {}, {"u": "1"}, {"a": "1"}, {"y": "1"})
     prior = fp.GaussianPrior(mean={"a": 1.0}, std={"a": 1.0})
-    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0, 0)}), noise_std={"y": 1.0})
+    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0, 0)}), noise={"y": 1.0})
     with pytest.raises(ValueError, match=r"^region: expected points that determine criterion 'D'.* on 1.00 a"):
         fp.exchange(given, 2, **QUICK)
 

@@ -28,7 +28,7 @@ MODEL = fp.SymbolicModel(
     [], ["a*exp(-b*u)"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 1.0, "b": 1.0}, name="decay"
 )
 PRIOR = fp.GaussianPrior({"a": 1.0, "b": 1.0}, relative_std={"a": 0.3, "b": 0.4}, log=["a", "b"])
-PROBLEM = fp.DesignProblem(MODEL, PRIOR, fp.ExperimentRegion({"u": (0.0, 3.0)}), noise_std={"y": 0.1})
+PROBLEM = fp.DesignProblem(MODEL, PRIOR, fp.ExperimentRegion({"u": (0.0, 3.0)}), noise={"y": 0.1})
 SMALL: dict[str, Any] = {"n_candidates": 3, "max_iterations": 6}
 
 
@@ -93,7 +93,7 @@ def test_many_starts_of_runs_are_several_searches(monkeypatch: pytest.MonkeyPatc
     )
     prior = fp.GaussianPrior(tank.nominal, relative_std={"q": 0.1, "k": 0.1})
     region = fp.RunRegion({"h": 0.5, "u": (0.0, 1.0), "dt": 0.5}, segments=4)
-    problem = fp.DesignProblem(tank, prior, region, noise_std={"y": 0.01})
+    problem = fp.DesignProblem(tank, prior, region, noise={"y": 0.01})
     monkeypatch.setattr(RunSettings, "RACING", 2)
     here = fp.design_runs(problem, n_starts=3, n_candidates=10)
     assert len(here.ends) == 3 and here.log_det >= max(here.ends) - 1e-3
@@ -170,7 +170,7 @@ def test_measured_data_of_plants_are_added_once_and_the_next_batch_is_designed(t
 
 def test_a_plant_that_fails_does_not_end_the_others(tmp_path: Path) -> None:
     fp.campaigns({"A": PROBLEM}, tmp_path, **OPTIONS)
-    changed = PROBLEM.replace(noise_std={"y": 0.2})
+    changed = PROBLEM.replace(noise={"y": 0.2})
     found = fp.campaigns({"A": changed, "B": PROBLEM}, tmp_path, **OPTIONS)
     assert list(found.plants) == ["B"] and "expected that of the campaign in" in found.failed["A"]
     assert "A: problems['A']" in str(found)

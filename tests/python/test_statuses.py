@@ -401,7 +401,7 @@ def test_a_region_may_reach_past_where_a_surface_has_a_value(kinks: str) -> None
     model = fp.SymbolicModel(rates, ["x"], {"x": "1"}, {"u": "1/s"}, parameters)
     region = fp.ExperimentRegion({"x": (0.2, 3.0), "u": (0.0, 2.0), "dt": (0.1, 2.0)})
     prior = fp.GaussianPrior(mean={"k": 0.3, "c": 0.5}, relative_std={"k": 0.1, "c": 0.1})
-    of = fp.DesignProblem(model, prior, region, noise_std={"y": 0.01}, kinks=kinks)
+    of = fp.DesignProblem(model, prior, region, noise={"y": 0.01}, kinks=kinks)
     design = fp.exchange(of, n_experiments=4, max_iterations=20, method=fp.ExchangeMethod(references=False))
     assert design.rejected["left_domain"] > 0 and (design.points.x0 > 1).all()
     outside = fp.Experiments([[0.5], [2.0]], [[0.0], [0.0]], [0.1, 0.1])

@@ -24,7 +24,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 def quadratic() -> fp.DesignProblem:
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0, "c": 1.0}, std={"a": 2.0, "b": 2.0, "c": 2.0})
-    return fp.DesignProblem(QUADRATIC, prior, fp.ExperimentRegion({"x": (-1.0, 1.0)}), noise_std={"y": 0.5})
+    return fp.DesignProblem(QUADRATIC, prior, fp.ExperimentRegion({"x": (-1.0, 1.0)}), noise={"y": 0.5})
 
 
 @pytest.fixture(scope="module")
@@ -207,8 +207,8 @@ def test_misuse_is_told(found: fp.Sweep) -> None:
         fp.sweep(quadratic(), [])
     with pytest.raises(TypeError, match="n_experiments: expected a sequence of whole numbers, such as range"):
         fp.sweep(quadratic(), 3)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="noise_std: expected the sensor noise"):
-        fp.sweep(cylinder(noise_std=None, output_covariance="pooled"), [9])
+    with pytest.raises(ValueError, match="noise: expected the sensor noise"):
+        fp.sweep(cylinder(noise=None, output_covariance="pooled"), [9])
     with pytest.raises(KeyError, match="n_experiments: expected one of 2, 3"):
         found[99]
     with pytest.raises(ValueError, match="budget: expected a sweep with costs"):
@@ -281,7 +281,7 @@ def test_sizes_that_cannot_tell_all_are_chosen_by_log_det() -> None:
 def test_criteria_ask_for_what_can_be_told(goal: fp.Goal) -> None:
     model = fp.SymbolicModel([], ["(a + b) * x"], states={}, inputs={"x": "1"}, outputs={"y": "1"}, parameters={"a": "1", "b": "1"})
     prior = fp.GaussianPrior({"a": 1.0, "b": 1.0}, std={"a": 1.0, "b": 2.0})
-    problem = fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (-1.0, 1.0)}), noise_std={"y": 0.5})
+    problem = fp.DesignProblem(model, prior, fp.ExperimentRegion({"x": (-1.0, 1.0)}), noise={"y": 0.5})
     found = fp.sweep(problem, [1, 2], n_candidates=10, max_iterations=30, goal=goal)
     (left,) = found.not_estimable
     assert left["a"] / left["b"] == pytest.approx(-2.0, rel=1e-6)

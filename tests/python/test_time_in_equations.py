@@ -74,14 +74,14 @@ def test_records_and_their_parts_keep_the_time() -> None:
     record = fp.Record(t + 5.0, np.zeros((41, 0)), concentration(t), x0={"c": 0.0})
     assert record.since[0] == 0 and record[5:].since[0] == pytest.approx(0.5) and record[5:][3:].begin == 5.0
     for parts in ([record], [record[:5], record[5:]], [record[20:], record[:21]]):
-        fit = fp.estimate(INFUSION, parts, start={"r": 1.0, "k": 0.4}, noise_std={"c": 0.01})
+        fit = fp.estimate(INFUSION, parts, start={"r": 1.0, "k": 0.4}, noise={"c": 0.01})
         assert (
             fit.converged
             and fit.estimate["k"] == pytest.approx(0.3, rel=1e-5)
             and fit.estimate["r"] == pytest.approx(1.2, rel=1e-5)
         )
     absolute = fp.Record(t + 5.0, np.zeros((41, 0)), np.exp(-0.3 * t), x0={"c": 1.0}, begin=0.0)
-    fit = fp.estimate(INFUSION.fix(r=1.2), absolute, start={"k": 0.4}, noise_std={"c": 0.01})
+    fit = fp.estimate(INFUSION.fix(r=1.2), absolute, start={"k": 0.4}, noise={"c": 0.01})
     assert fit.estimate["k"] == pytest.approx(0.3, rel=1e-5)
     with pytest.raises(ValueError, match="begin: expected"):
         fp.Record(t, np.zeros((41, 0)), concentration(t), begin=np.nan)
@@ -90,7 +90,7 @@ def test_records_and_their_parts_keep_the_time() -> None:
 def test_a_saved_fit_keeps_the_time(tmp_path: Path) -> None:
     t = 0.1 * np.arange(41)
     record = fp.Record(t, np.zeros((41, 0)), concentration(t), x0={"c": 0.0})
-    fit = fp.estimate(INFUSION, record[5:], start={"r": 1.0, "k": 0.4}, noise_std={"c": 0.01})
+    fit = fp.estimate(INFUSION, record[5:], start={"r": 1.0, "k": 0.4}, noise={"c": 0.01})
     fit.save(tmp_path / "fit")
     again = fp.Fit.load(tmp_path / "fit")
     assert str(again) == str(fit) and again.model == INFUSION
@@ -175,7 +175,7 @@ def test_designs_do_not_show_it(tmp_path: Path) -> None:
     designs = []
     for model, start in ((INFUSION, {}), (CLOCK, {"z": (0.0, 0.0)})):
         region = fp.ExperimentRegion({"c": (0.0, 1.0), "dt": (0.2, 3.0), **start})
-        problem = fp.DesignProblem(model, prior, region, noise_std={"c": 0.01})
+        problem = fp.DesignProblem(model, prior, region, noise={"c": 0.01})
         designs.append(fp.exchange(problem, n_experiments=4, seed=0, max_iterations=30))
         runs = fp.RunRegion({"c": 0.0, "dt": (0.2, 1.0), **start}, segments=3)
         designs.append(fp.design_runs(problem.replace(region=runs), n_runs=1, n_starts=1, seed=0))
@@ -190,7 +190,7 @@ def test_designs_do_not_show_it(tmp_path: Path) -> None:
 def test_from_the_command_line(tmp_path: Path) -> None:
     (tmp_path / "infusion.toml").write_text(
         INFUSION.to_toml()
-        + "\n[prior]\nr = { mean = 1.0, relative_std = 0.5 }\nk = { mean = 0.4, relative_std = 0.5 }\n[noise_std]\nc = 0.01\n"
+        + "\n[prior]\nr = { mean = 1.0, relative_std = 0.5 }\nk = { mean = 0.4, relative_std = 0.5 }\n[noise]\nc = 0.01\n"
     )
     t = 0.1 * np.arange(41)
     record = fp.Record(t, np.zeros((41, 0)), concentration(t), x0={"c": 0.0})

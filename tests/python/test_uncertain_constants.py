@@ -34,11 +34,11 @@ VALUES = {"b": 1.5, "k": 0.8}
 
 def gain(**changes: Any) -> fp.DesignProblem:
     region = fp.ExperimentRegion({"u": (0.1, 1.0)})
-    return fp.DesignProblem(GAIN, fp.GaussianPrior({"a": 1.0}, {"a": 0.2}), region, noise_std={"y": 1e-3}, **changes)
+    return fp.DesignProblem(GAIN, fp.GaussianPrior({"a": 1.0}, {"a": 0.2}), region, noise={"y": 1e-3}, **changes)
 
 
 def decay(**changes: Any) -> fp.DesignProblem:
-    return fp.DesignProblem(DECAY, PRIOR, REGION, noise_std=NOISE, rtol=1e-10, **changes)
+    return fp.DesignProblem(DECAY, PRIOR, REGION, noise=NOISE, rtol=1e-10, **changes)
 
 
 def ones(n: int) -> fp.Experiments:
@@ -113,7 +113,7 @@ def test_a_start_that_runs_share_is_one_number() -> None:
     assert anew is not None and anew["b"] != pytest.approx(errors["b"], rel=0.01)
     y = outputs(runs, **VALUES, c=1.0, s=2.0, off=0.15).reshape(5, 4, 2)
     fit = fp.estimate(
-        DECAY, fp.Measurements(runs, y), noise_std=NOISE, deviations=fp.Deviations(initial_state_std={"x": 0.2}, shared=["x"])
+        DECAY, fp.Measurements(runs, y), noise=NOISE, deviations=fp.Deviations(initial_state_std={"x": 0.2}, shared=["x"])
     )
     assert fit.parameters == ("b", "k", "x_0") and fit.estimate["x_0"] == pytest.approx(0.15, rel=0.02)
     assert fit.standard_errors["k"] == pytest.approx(errors["k"], rel=0.05)
@@ -137,7 +137,7 @@ def test_a_fit_is_a_maximum_a_posteriori_over_constants(names: list[str]) -> Non
         fp.Measurements(runs, y_runs.reshape(2, 4, 2)),
         fp.Record(t, np.full((9, 1), 0.5), y_record, x0={"x": 1.0}),
     ]
-    fit = fp.estimate(DECAY, data, start=VALUES, noise_std=NOISE, deviations=fp.Deviations(uncertain=std))
+    fit = fp.estimate(DECAY, data, start=VALUES, noise=NOISE, deviations=fp.Deviations(uncertain=std))
 
     def residuals(z: Floats) -> Floats:
         given = {"c": 1.0, "s": 2.0} | dict(zip(names, z[2:], strict=True))
@@ -161,7 +161,7 @@ def test_a_fit_is_a_maximum_a_posteriori_over_constants(names: list[str]) -> Non
 def test_a_fit_comes_back_from_its_file(tmp_path: Path) -> None:
     points = drawn(8)
     data = fp.Measurements(points, outputs(points, 1.6, 0.7, 1.05, 2.0))
-    fit = fp.estimate(DECAY, data, PRIOR, noise_std=NOISE, deviations=fp.Deviations(uncertain=STD, varies=None))
+    fit = fp.estimate(DECAY, data, PRIOR, noise=NOISE, deviations=fp.Deviations(uncertain=STD, varies=None))
     fit.save(tmp_path)
     again = fp.Fit.load(tmp_path)
     assert str(again) == str(fit) and again.estimate == fit.estimate
@@ -268,7 +268,7 @@ def test_a_singular_design_names_parameters_alone() -> None:
         f=[], g=["a*b*c*u"], states={}, inputs={"u": "1"}, parameters={"a": "1", "b": "1"}, outputs={"y": "1"}, constants={"c": 1.0}
     )
     prior = fp.GaussianPrior({"a": 1.0, "b": 2.0}, relative_std={"a": 0.1, "b": 0.2})
-    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0.1, 1.0)}), noise_std={"y": 0.01}, uncertain={"c": 0.1})
+    given = fp.DesignProblem(model, prior, fp.ExperimentRegion({"u": (0.1, 1.0)}), noise={"y": 0.01}, uncertain={"c": 0.1})
     design = fp.exchange(given, 3, n_candidates=20)
     assert design.evaluation.rank == 1
     assert [set(direction) for direction in design.evaluation.null_directions] == [{"a", "b"}]

@@ -32,7 +32,7 @@ IN_SI = """
 [prior]
 C = { mean = 1500.0, relative_std = 0.1 }
 T_a = { mean = 294.15, std = 2.0 }
-[noise_std]
+[noise]
 T = 0.05
 [uncertain]
 G = 0.01
@@ -48,7 +48,7 @@ IN_OTHERS = """
 [prior]
 C = { mean = 1.5, relative_std = 0.1, unit = "kJ/K" }
 T_a = { mean = 21.0, std = 2.0, unit = "degC" }
-[noise_std]
+[noise]
 T = { value = 50.0, unit = "mK" }
 [uncertain]
 G = { value = 10.0, unit = "mW/K" }
@@ -71,7 +71,7 @@ def test_a_file_in_other_units_is_the_same_problem(tmp_path: Path) -> None:
     of, to = problem(tmp_path, IN_OTHERS), problem(tmp_path, IN_SI)
     for name in ("mean", "std"):
         assert dict(getattr(of.prior, name)) == pytest.approx(dict(getattr(to.prior, name)), rel=1e-15)
-    for name in ("noise_std", "uncertain", "initial_state_std"):
+    for name in ("noise", "uncertain", "initial_state_std"):
         assert dict(getattr(of, name) or {}) == pytest.approx(dict(getattr(to, name) or {}), rel=1e-15), name
     for name, bounds in dict(to.region.bounds).items():
         assert of.region.bounds[name] == pytest.approx(bounds, rel=1e-15), name
@@ -99,7 +99,7 @@ def test_a_constant_of_the_built_in_model_is_converted(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ('unit = "kJ/K"', 'unit = "kJ"', "prior.C.unit: .* 'J/K', given 'kJ', .*something else: kg m2/s2, not kg m2/(s2 K)"),
-        ('unit = "mK"', 'unit = "mV"', r"noise_std.T.unit: .* 'K', given 'mV', .*: kg m2/(s3 A), not K"),
+        ('unit = "mK"', 'unit = "mV"', r"noise.T.unit: .* 'K', given 'mV', .*: kg m2/(s3 A), not K"),
         ('unit = "min"', 'unit = "foot"', "region.dt.unit: expected a unit such as .*unknown unit 'foot'"),
         ("std = 2.0", "relative_std = 0.1", "T_a.relative_std: expected std for a parameter in K that is given in degC"),
     ],

@@ -35,7 +35,7 @@ def at(*u: float) -> fp.Experiments:
 
 
 def line(model: fp.Model = LINE, prior: fp.GaussianPrior = PRIOR, **changes: Any) -> fp.DesignProblem:
-    return fp.DesignProblem(model, prior, None, noise_std={"y": 0.1}, **changes)
+    return fp.DesignProblem(model, prior, None, noise={"y": 0.1}, **changes)
 
 
 SPREAD = at(-1.0, -0.3, 0.4, 1.0, 2.0)
@@ -91,7 +91,7 @@ def test_a_wrong_model_shows_as_bias_and_lost_coverage() -> None:
 
 
 def test_estimated_noise_of_one_output_gives_students_intervals() -> None:
-    found = fp.validate(line(), {"d": SPREAD}, runs=1500, noise="estimated").designs["d"]
+    found = fp.validate(line(), {"d": SPREAD}, runs=1500, noise_known=False).designs["d"]
     for of in found.parameters.values():
         assert sigmas(of.coverage, 0.95) < 4
         # E s = sigma sqrt(2/nu) Gamma((nu+1)/2)/Gamma(nu/2), nu = 3.
@@ -186,7 +186,7 @@ def test_what_is_determined_is_shown_beside_what_is_not() -> None:
         [], ["a", "b*c*u"], {}, {"u": "1"}, {"a": "1", "b": "1", "c": "1"}, {"y": "1", "w": "1"}, nominal={"a": 1, "b": 1, "c": 1}
     )
     prior = fp.GaussianPrior({"a": 1, "b": 1, "c": 1}, relative_std={"a": 0.2, "b": 0.2, "c": 0.2})
-    found = fp.validate(fp.DesignProblem(model, prior, None, noise_std={"y": 0.1, "w": 0.1}), {"d": SPREAD}, runs=800).designs["d"]
+    found = fp.validate(fp.DesignProblem(model, prior, None, noise={"y": 0.1, "w": 0.1}), {"d": SPREAD}, runs=800).designs["d"]
     assert sigmas(found.parameters["a"].ratio, 1) < 4
     assert np.isnan(found.parameters["b"].ratio.value) and np.isnan(found.parameters["c"].promised)
 
@@ -194,9 +194,7 @@ def test_what_is_determined_is_shown_beside_what_is_not() -> None:
 def test_outputs_without_noise_are_not_measured(cylinder: tuple[fp.DesignProblem, fp.Experiments]) -> None:
     given, points = cylinder
     pressures = {name: NOISE[name] for name in ("p_A", "p_B")}
-    some, all_of = (
-        fp.validate(given, {"d": points}, noise_std=std, runs=60, theta="mean").designs["d"] for std in (pressures, NOISE)
-    )
+    some, all_of = (fp.validate(given, {"d": points}, noise=std, runs=60, theta="mean").designs["d"] for std in (pressures, NOISE))
     assert some.parameters["m_q"].promised > all_of.parameters["m_q"].promised
     assert some.fits == 60
 
@@ -271,7 +269,7 @@ def test_truths_whose_trajectories_fail_are_counted_by_status() -> None:
     )
     prior = fp.GaussianPrior({"k": 0.5}, std={"k": 0.25})
     points = fp.Experiments([[1.0], [0.8]], np.empty((2, 0)), [2.0, 1.0])
-    found = fp.validate(fp.DesignProblem(tank, prior, None, noise_std={"h_m": 0.01}), {"d": points}, runs=200).designs["d"]
+    found = fp.validate(fp.DesignProblem(tank, prior, None, noise={"h_m": 0.01}), {"d": points}, runs=200).designs["d"]
     assert found.failures["the true trajectory: left_domain"] > 5
     assert found.fits + sum(found.failures.values()) == 200
     of, lost = found.parameters["k"], found.without_data / 200  # who gave no data has no interval
@@ -296,11 +294,11 @@ def test_figures() -> None:
         ({"designs": {"d": 3}}, r"designs\['d'\]: expected Experiments, Runs or a Design, given int"),
         ({"theta": "true"}, "theta: expected 'prior', 'mean' or a mapping"),
         ({"theta": {"z": 1.0}}, "theta: expected names of a, b; given unknown 'z'"),
-        ({"noise_std": {"z": 1.0}}, "noise_std: expected names of y; given unknown 'z'"),
-        ({"noise_std": {"y": 0.0}}, "noise_std.*expected a positive standard deviation"),
+        ({"noise": {"z": 1.0}}, "noise: expected names of y; given unknown 'z'"),
+        ({"noise": {"y": 0.0}}, "noise.*expected a positive standard deviation"),
         ({"problem": line(DECAY, LOG), "theta": {"a": -1.0}}, r"theta\['a'\]: expected a positive value of a log-normal"),
-        ({"noise": "estimated", "designs": {"d": SPREAD[:2]}}, r"designs\['d'\]: noise_std: .* more than 2 numbers .* given 2"),
-        ({"noise": "both"}, "noise: expected 'known' or 'estimated', given 'both'"),
+        ({"noise_known": False, "designs": {"d": SPREAD[:2]}}, r"designs\['d'\]: noise: .* more than 2 numbers .* given 2"),
+        ({"noise_known": "both"}, "noise_known: expected True or False, given 'both'"),
         ({"runs": 0}, "runs: expected"),
         ({"truth": fp.HydraulicCylinder()}, "truth: expected the states"),
         ({"problem": fp.HydraulicCylinder()}, "problem: expected DesignProblem"),

@@ -40,7 +40,7 @@ def static(output: str, prior: fp.GaussianPrior, noise: float) -> fp.DesignProbl
     model = fp.SymbolicModel(
         [], [output], {}, {"x": "1"}, dict.fromkeys(prior.names, "1"), {"y": "1"}, nominal=dict(prior.mean), name="static"
     )
-    return fp.DesignProblem(model, prior, None, noise_std={"y": noise})
+    return fp.DesignProblem(model, prior, None, noise={"y": noise})
 
 
 def saturation(**changes: Any) -> fp.DesignProblem:
@@ -70,7 +70,7 @@ def joint(friction: str) -> fp.DesignProblem:
         nominal={"J": 0.5, "F_v": 0.4, "F_c": 0.8, "G": 5.0},
     )
     prior = fp.GaussianPrior(model.nominal, relative_std={"J": 0.3, "F_v": 0.5, "F_c": 0.5, "G": 0.3})
-    return fp.DesignProblem(model, prior, None, noise_std={"q": 1e-3, "w": 0.02})
+    return fp.DesignProblem(model, prior, None, noise={"q": 1e-3, "w": 0.02})
 
 
 def swings() -> fp.Runs:
@@ -158,7 +158,7 @@ def test_wrong_minima_are_tried_again_and_what_stays_wrong_is_told(monkeypatch: 
     assert several.to_pandas().wrong_minima.tolist() == [few.wrong_minima] * 2
 
 
-@pytest.mark.parametrize("settings", [{"noise": "estimated"}, {"use_prior": True}])
+@pytest.mark.parametrize("settings", [{"noise_known": False}, {"use_prior": True}])
 def test_wrong_minima_are_told_with_other_weights_too(settings: dict[str, Any]) -> None:
     design = fp.validate(wave(), WAVE, runs=60, **settings).designs["design"]
     assert design.per_run is not None
@@ -174,9 +174,9 @@ def test_a_robot_joint_is_fitted_as_from_its_truth(friction: str) -> None:
     found = fp.validate(given, runs, runs=16)
     design = found.designs["design"]
     assert design.wrong_minima == 0 and design.failed == 0 and design.per_run is not None
-    estimator = Estimator.of(given, runs, dict(given.noise_std or {}), True, False, 1e-9, 1)
+    estimator = Estimator.of(given, runs, dict(given.noise or {}), True, False, 1e-9, 1)
     theta, _ = truths_of(given, "prior", 16, 0)
-    y, _, _ = Rig.of(given, None, dict(given.noise_std or {})).measure(runs, theta, Streams.of(0), 1)
+    y, _, _ = Rig.of(given, None, dict(given.noise or {})).measure(runs, theta, Streams.of(0), 1)
     sigma = np.array([1e-3, 0.02])
     for k in range(2):
 

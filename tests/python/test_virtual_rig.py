@@ -16,7 +16,7 @@ POINTS = valid_points(6)
 
 
 def rig(**changes: Any) -> fp.VirtualRig:
-    return fp.VirtualRig(**({"model": MODEL, "theta": MODEL.nominal, "noise_std": NOISE} | changes))
+    return fp.VirtualRig(**({"model": MODEL, "theta": MODEL.nominal, "noise": NOISE} | changes))
 
 
 def test_the_same_seed_and_calls_give_the_same_data(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,7 +49,7 @@ def test_noise_has_the_stated_size_and_no_memory() -> None:
 
 def test_starts_deviate_and_are_recorded_as_planned() -> None:
     std = {"q": 1e-4, "p_B": 1e5}
-    data = rig(noise_std=dict.fromkeys(NOISE, 0.0), initial_state_std=std, seed=2).measure(POINTS[0], repeats=500)
+    data = rig(noise=dict.fromkeys(NOISE, 0.0), initial_state_std=std, seed=2).measure(POINTS[0], repeats=500)
     assert same_bits(data.points.x0, np.tile(POINTS[0].x0, (500, 1)))
     # To first order y moves with the start: its covariance is J P J^T, J by differences over a fifth of the deviation.
     steps = 0.2 * np.array([std.get(state.name, 0.0) for state in MODEL.states])
@@ -66,12 +66,12 @@ def test_starts_deviate_and_are_recorded_as_planned() -> None:
 
 
 def test_without_noise_it_shows_the_truth() -> None:
-    data = rig(noise_std=dict.fromkeys(NOISE, 0.0)).measure(POINTS)
+    data = rig(noise=dict.fromkeys(NOISE, 0.0)).measure(POINTS)
     assert same_bits(data.y, fp.simulate(MODEL, POINTS, MODEL.nominal, rtol=1e-10).y)
 
 
 def test_outputs_left_out_are_not_measured_and_change_nothing_else() -> None:
-    some = rig(noise_std={"p_B": 2e4, "q": 5e-6}, seed=3).measure(POINTS)
+    some = rig(noise={"p_B": 2e4, "q": 5e-6}, seed=3).measure(POINTS)
     every = rig(seed=3, initial_state_std={"v": 0.0}).measure(POINTS)
     assert np.isnan(some.y[:, [1, 3]]).all()
     assert same_bits(np.ascontiguousarray(some.y[:, [0, 2]]), np.ascontiguousarray(every.y[:, [0, 2]]))
@@ -104,10 +104,10 @@ def test_nothing_measured_at_all_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"noise_std": {"p_C": 1.0}}, "noise_std: expected names of q, p_A, p_B, x_v; given unknown 'p_C'"),
-        ({"noise_std": {}}, "noise_std: expected at least one output"),
-        ({"noise_std": {"q": -1.0}}, r"noise_std\['q'\]: expected a standard deviation of at least 0, given -1"),
-        ({"noise_std": {"q": np.inf}}, r"noise_std\['q'\]: expected finite numbers"),
+        ({"noise": {"p_C": 1.0}}, "noise: expected names of q, p_A, p_B, x_v; given unknown 'p_C'"),
+        ({"noise": {}}, "noise: expected at least one output"),
+        ({"noise": {"q": -1.0}}, r"noise\['q'\]: expected a standard deviation of at least 0, given -1"),
+        ({"noise": {"q": np.inf}}, r"noise\['q'\]: expected finite numbers"),
         ({"initial_state_std": {"u": 1.0}}, "initial_state_std: expected names of q, v, p_A, p_B, x_v; given unknown 'u'"),
         ({"theta": {"m_q": 1.0}}, "theta: expected a value for 'a_tau'"),
         ({"theta": np.ones((2, 9))}, r"theta: expected shape \(9,\), given \(2, 9\)"),
@@ -122,8 +122,8 @@ def test_misuse_names_the_quantity(changes: dict[str, Any], message: str) -> Non
 
 
 def test_misuse_of_types_and_points() -> None:
-    with pytest.raises(TypeError, match="noise_std: expected a mapping"):
-        rig(noise_std=[1.0])
+    with pytest.raises(TypeError, match="noise: expected a mapping"):
+        rig(noise=[1.0])
     with pytest.raises(TypeError, match="model: expected Model, given str"):
         rig(model="cylinder")
     with pytest.raises(TypeError, match="points: expected Experiments"):
@@ -132,4 +132,4 @@ def test_misuse_of_types_and_points() -> None:
         rig().measure(fp.Experiments([[1.0, 2.0]], [[1.0]], [1.0]))
     with pytest.raises(ValueError, match="repeats: expected a whole number of at least 1, given 0"):
         rig().measure(POINTS, repeats=0)
-    assert repr(rig(noise_std={"x_v": 1.0, "q": 0.0})) == "VirtualRig(hydraulic_cylinder, measures q, x_v)"
+    assert repr(rig(noise={"x_v": 1.0, "q": 0.0})) == "VirtualRig(hydraulic_cylinder, measures q, x_v)"

@@ -27,7 +27,7 @@ MODEL = fp.SymbolicModel(
     [], ["a*exp(-b*u)"], {}, {"u": "1"}, {"a": "1", "b": "1"}, {"y": "1"}, nominal={"a": 1.0, "b": 1.0}, name="decay"
 )
 PRIOR = fp.GaussianPrior({"a": 1.0, "b": 1.0}, relative_std={"a": 0.3, "b": 0.4}, log=["a", "b"])
-PROBLEM = fp.DesignProblem(MODEL, PRIOR, fp.ExperimentRegion({"u": (0.0, 3.0)}), noise_std={"y": 0.1}, uncertain=None)
+PROBLEM = fp.DesignProblem(MODEL, PRIOR, fp.ExperimentRegion({"u": (0.0, 3.0)}), noise={"y": 0.1}, uncertain=None)
 
 
 def at(*u: float) -> fp.Experiments:
@@ -36,7 +36,7 @@ def at(*u: float) -> fp.Experiments:
 
 DESIGNS = {"spread": at(0.1, 0.5, 1.0, 2.0), "twice": at(0.2, 0.2, 1.5, 1.5)}
 DATA = fp.VirtualRig(MODEL, MODEL.nominal, {"y": 0.1}).measure(DESIGNS["spread"])
-FIT = fp.estimate(MODEL, DATA, noise_std={"y": 0.1})
+FIT = fp.estimate(MODEL, DATA, noise={"y": 0.1})
 
 
 def results(workers: Any, threads: int | None = None, searches: bool = True) -> dict[str, str]:

@@ -181,7 +181,7 @@ class Campaign(Shown):
         return FrozenMapping({name: bool(self.rse[name] * wider[name] <= target) for name, target in self.targets.items()})
 
     def _wider(self) -> Mapping[str, float]:
-        fit = self.fit if self.problem.noise_std is None else None
+        fit = self.fit if self.problem.noise is None else None
         if fit is None:
             return dict.fromkeys(self.problem.estimated, 1.0)
         quantiles = quantile(0.95, np.array(list(fit.quantile_degrees_of_freedom.values())))
@@ -373,7 +373,7 @@ class Campaign(Shown):
             prior=problem.prior,
             start=before[-1].estimate if before else None,
             parameters=problem.estimated,
-            noise_std=problem.noise_std,
+            noise=problem.noise,
             deviations=problem.deviations,
             threads=self._threads,
             progress=progress,

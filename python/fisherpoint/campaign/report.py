@@ -45,7 +45,7 @@ def campaign_report(state: CampaignState, met: Mapping[str, bool], done: bool) -
 
 def _goodness(state: CampaignState) -> list[str]:
     """Whether the model describes the data, where the noise is known."""
-    if state.problem.noise_std is None or not state.batches or not state.batches[-1].degrees_of_freedom > 1e-9:
+    if state.problem.noise is None or not state.batches or not state.batches[-1].degrees_of_freedom > 1e-9:
         return []
     from scipy.stats import chi2
 

@@ -26,14 +26,14 @@ MAX_POINTS = 10**8
 
 
 class VirtualRig:
-    """A rig that is a simulation: y = g(x(dt), u, theta) + v, v normal with standard deviations `noise_std`, (4).
+    """A rig that is a simulation: y = g(x(dt), u, theta) + v, v normal with standard deviations `noise`, (4).
 
     Parameters
     ----------
     model : Model
     theta : mapping by name, or array_like (p,)
         The true parameters, SI units.
-    noise_std : mapping of output name to float
+    noise : mapping of output name to float
         Standard deviations of the sensor noise, SI units; 0 for a sensor without noise. Outputs left out are not measured.
     initial_state_std : mapping of state name to float, optional
         By how much true starts deviate from the planned ones, which alone are recorded; states left out start as planned.
@@ -57,7 +57,7 @@ class VirtualRig:
         self,
         model: Model,
         theta: Mapping[str, float] | ArrayLike,
-        noise_std: Mapping[str, float],
+        noise: Mapping[str, float],
         *,
         initial_state_std: Mapping[str, float] | None = None,
         seed: int = 0,
@@ -69,10 +69,10 @@ class VirtualRig:
         if self.theta.ndim != 1:
             raise ValueError(f"theta: expected shape ({len(model.parameters)},), given {self.theta.shape}")
         outputs, states = names_of(model.outputs), names_of(model.states)
-        noise = by_name(noise_std, outputs, "noise_std", as_std_or_zero)
-        self._noise_std = np.array([noise.get(name, np.nan) for name in outputs])
-        if np.isnan(self._noise_std).all():
-            raise ValueError("noise_std: expected at least one output that is measured, given none")
+        noise = by_name(noise, outputs, "noise", as_std_or_zero)
+        self._std = np.array([noise.get(name, np.nan) for name in outputs])
+        if np.isnan(self._std).all():
+            raise ValueError("noise: expected at least one output that is measured, given none")
         deviations = by_name(initial_state_std, states, "initial_state_std", as_std_or_zero)
         self._start_std = np.array([deviations.get(name, 0.0) for name in states])
         # Streams of their own: whether starts deviate, and which outputs are measured, does not change the noise of the others.
@@ -106,7 +106,7 @@ class VirtualRig:
         rows = np.tile(np.arange(len(points)), times)
         planned, runs = points[rows], runs[rows]
         deviation = self._start_std * self._starts.standard_normal((len(runs), n_x))
-        noise = self._noise_std * self._noise.standard_normal((*runs.dt.shape, len(self.model.outputs)))
+        noise = self._std * self._noise.standard_normal((*runs.dt.shape, len(self.model.outputs)))
         if runs.x0.shape[1] != n_x:
             raise ValueError(f"x0: expected shape (K, {n_x}), given {runs.x0.shape}")
         x0 = checked_starts(self.model, runs, self.theta, deviation) + deviation
@@ -129,5 +129,5 @@ class VirtualRig:
         return Measurements(planned, y.reshape(*planned.dt.shape, -1))
 
     def __repr__(self) -> str:
-        measured = [name for name, std in zip(names_of(self.model.outputs), self._noise_std, strict=True) if not np.isnan(std)]
+        measured = [name for name, std in zip(names_of(self.model.outputs), self._std, strict=True) if not np.isnan(std)]
         return f"VirtualRig({self.model.name}, measures {', '.join(measured)})"

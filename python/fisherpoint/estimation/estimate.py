@@ -54,7 +54,7 @@ def estimate(
     *,
     start: Mapping[str, float] | GaussianPrior | None = None,
     parameters: Sequence[str] | None = None,
-    noise_std: Mapping[str, float] | None = None,
+    noise: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     deviations: Deviations = EXACT,
     starts: int = 8,
@@ -80,7 +80,7 @@ def estimate(
         estimate. Default: the prior's mean, else the model's nominal values.
     parameters : sequence of str, optional
         Names of the parameters to estimate; the others are known to be at their start. Default: all.
-    noise_std : mapping of output name to float, optional
+    noise : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units; data of outputs that are not named are left out. Default: not known, and
         all outputs take part.
     bounds : mapping of name to (lower, upper), optional
@@ -115,15 +115,15 @@ def estimate(
     check_progress(progress)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
-    if noise_std is not None:
-        check_mapping(noise_std, "noise_std")
+    if noise is not None:
+        check_mapping(noise, "noise")
     check_type(deviations, Deviations, "deviations")
     uncertain, varies = deviations.uncertain, deviations.varies
     for label, stds in (("uncertain", uncertain), ("varies", varies)):
         for name in (name for name in chosen if stds is not None and name in stds):
             raise ValueError(f"{label}: expected constants or parameters that are not estimated, given {name!r}, which is")
-    sensors = None if noise_std is None else noise_covariance(model, noise_std)
-    parts = _parts(data, model, noise_std)
+    sensors = None if noise is None else noise_covariance(model, noise)
+    parts = _parts(data, model, noise)
     nuisance, starts_anew = nuisance_of(uncertain, deviations.initial_state_std, deviations.shared)
     assumed_of(model, uncertain, varies, deviations.initial_state_std)  # unknown names, and what is in two of them
     joint = nuisance.of(model)
@@ -162,21 +162,21 @@ def estimate(
         residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
         if sensors is not None:
-            noise = KnownNoise(joint.model, parts, sensors, varies, starts_anew, deviations.rule, rtol, threads)
-            found = search_with_known_noise(residuals, z0, noise)
+            known = KnownNoise(joint.model, parts, sensors, varies, starts_anew, deviations.rule, rtol, threads)
+            found = search_with_known_noise(residuals, z0, known)
         elif varies or starts_anew:
-            raise ValueError("noise_std: expected the sensor noise together with varies or initial_state_std, given none")
+            raise ValueError("noise: expected the sensor noise together with varies or initial_state_std, given none")
         else:
             check_noise_is_determined(observed, prior)
             found = search_with_unknown_noise(residuals, z0)
             sensors = found.residuals.covariance
 
-        fit = _fit(model, nuisance, parts, prior, noise_std is not None, sensors, found, len(z0))
+        fit = _fit(model, nuisance, parts, prior, noise is not None, sensors, found, len(z0))
         if not fit.noise_known:
             return _with_unbiased_noise(fit)
         if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
             further = further_starts(found.residuals, begin, spread, len(z0))
-            again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), noise)
+            again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), known)
             fit = _better(fit, _fit(model, nuisance, parts, prior, True, sensors, again, len(z0) + len(further)))
         return fit
 
@@ -244,7 +244,7 @@ def _better(fit: Fit, again: Fit) -> Fit:
     return replace(again, reached=fit.reached + again.reached - 1, evaluations=fit.evaluations + again.evaluations)
 
 
-def _parts(data: Any, model: Model, noise_std: Mapping[str, float] | None) -> tuple[Measurements | Record, ...]:
+def _parts(data: Any, model: Model, noise: Mapping[str, float] | None) -> tuple[Measurements | Record, ...]:
     """The sets of data, without points and runs of which nothing was measured: their trajectories may well fail.
 
     Where noise is known, an output without known noise is not measured.
@@ -257,14 +257,14 @@ def _parts(data: Any, model: Model, noise_std: Mapping[str, float] | None) -> tu
         if not isinstance(part, Measurements | Record):
             raise TypeError(f"data: expected Measurements, a Record or a sequence of them, given {type(part).__name__}")
         check_outputs(part, model)
-        if noise_std is not None:
-            y = np.where([name in noise_std for name in names_of(model.outputs)], part.y, np.nan)
+        if noise is not None:
+            y = np.where([name in noise for name in names_of(model.outputs)], part.y, np.nan)
             if np.isnan(y).all():
                 continue
             part = replace(part, y=y)
         parts.append(part.measured_part if isinstance(part, Measurements) else part)
     if not parts:
-        raise ValueError(f"data: expected a number of {listed(noise_std or ())}, whose noise is known; given none")
+        raise ValueError(f"data: expected a number of {listed(noise or ())}, whose noise is known; given none")
     return tuple(parts)
 
 

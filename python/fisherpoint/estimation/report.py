@@ -107,12 +107,12 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
             yield f"{name}: chi-square per degree of freedom {per}: the noise of this output is smaller than given"
     yield from _beside_numerical_error(fit)
     for name in fit.noise_not_estimable:
-        yield f"{name}: the unknowns fit it exactly, so its noise cannot be estimated: give noise_std, or measure more"
+        yield f"{name}: the unknowns fit it exactly, so its noise cannot be estimated: give noise, or measure more"
     if fit.starts > 1 and fit.reached == 1:
         yield f"only one of {fit.starts} starts reached this minimum: more starts may find a better one"
     if not fit.noise_known and fit.degrees_of_freedom < 3:
         yield (
-            f"the noise is estimated with {_degrees(fit.degrees_of_freedom)} left: standard errors are rough; give noise_std, "
+            f"the noise is estimated with {_degrees(fit.degrees_of_freedom)} left: standard errors are rough; give noise, "
             "or measure more"
         )
     names, correlation = fit.parameters, fit.correlation

@@ -48,7 +48,7 @@ def check_noise_is_determined(observed: Observed, prior: GaussianPrior | None) -
     free = sum(prior is None or name not in prior.names for name in observed.names)
     if count <= free:
         raise ValueError(
-            f"noise_std: expected the noise, or more than {free} numbers to estimate it beside the unknowns; given {count}"
+            f"noise: expected the noise, or more than {free} numbers to estimate it beside the unknowns; given {count}"
         )
 
 

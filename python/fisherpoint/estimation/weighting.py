@@ -109,12 +109,12 @@ def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
     return given.reshape(*given.shape, *(1,) * (like.ndim - 3))
 
 
-def noise_covariance(model: Model, noise_std: Mapping[str, float]) -> Array:
+def noise_covariance(model: Model, noise: Mapping[str, float]) -> Array:
     """R (n_y, n_y) of the noise, 1 of an output that is not named: it is not measured."""
     names = names_of(model.outputs)
-    stds = by_name(noise_std, names, "noise_std", as_std)
+    stds = by_name(noise, names, "noise", as_std)
     if not stds:
-        raise ValueError(f"noise_std: expected at least one of {listed(names)}; given none")
+        raise ValueError(f"noise: expected at least one of {listed(names)}; given none")
     return np.diag([stds.get(name, 1.0) ** 2 for name in names])
 
 

@@ -280,8 +280,7 @@ def evaluate_information(
         if not np.isfinite(covariance).all():
             name = names[int(np.argmax(~np.isfinite(covariance).all(axis=0)))]
             raise ValueError(
-                f"covariance: expected standard errors whose squares are numbers, given one of {name!r} that overflows: "
-                "check noise_std"
+                f"covariance: expected standard errors whose squares are numbers, given one of {name!r} that overflows: check noise"
             )
         standard_errors = FrozenMapping(dict(zip(names, (errors * std).tolist(), strict=True)))
         rse = relative_errors(standard_errors, problem.prior.mean)
@@ -332,6 +331,6 @@ def finite_fisher(fisher: Array) -> Array:
     if not np.isfinite(fisher).all():
         raise ValueError(
             "fisher: expected sensitivities and noise whose squares are numbers, given a Fisher matrix that overflows: "
-            "check noise_std and the prior's standard deviations"
+            "check noise and the prior's standard deviations"
         )
     return fisher

@@ -111,7 +111,7 @@ def output_covariance(
     noise = problem.noise_covariance
     base = noise + (region_mean(problem, threads) if kind == "region" else 0.0)
     varies = (sample.sensitivity != 0).any(axis=(0, 2)) | (np.diagonal(sample.covariance, axis1=1, axis2=2) > 0).any(axis=0)
-    used = varies if problem.noise_std is None else problem.measured
+    used = varies if problem.noise is None else problem.measured
     if not used.any():
         raise ValueError("output_covariance: expected an output that depends on a parameter, given none")
     base = base[np.ix_(used, used)]
@@ -137,7 +137,7 @@ def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
     scale = np.sqrt(np.maximum(np.diagonal(stack, axis1=1, axis2=2), 0))
     flat = [name for name, s in zip(names, scale.min(axis=0), strict=True) if not s > 0]
     if flat:
-        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given no variance of {listed(flat)}: give noise_std")
+        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given no variance of {listed(flat)}: give noise")
     values, vectors = np.linalg.eigh(stack / (scale[:, :, None] * scale[:, None, :]))
     worst = int(np.argmin(values[:, 0]))
     if not values[worst, 0] > SINGULAR:
@@ -146,7 +146,7 @@ def check_regular(d: Array, names: tuple[str, ...], kind: str) -> None:
         terms = [(name, value) for name, value, takes_part in zip(names, sums, involved, strict=True) if takes_part]
         raise ValueError(
             f"output_covariance {kind!r}: expected a regular D, given one that is singular in {listed(name for name, _ in terms)}: "
-            f"{_sum_of(terms)} hardly varies over the prior, as where a mass balance holds; give noise_std, leave one of these "
+            f"{_sum_of(terms)} hardly varies over the prior, as where a mass balance holds; give noise, leave one of these "
             "outputs out, or take more points or levels"
         )
 
@@ -168,7 +168,7 @@ def cholesky_factor(d: Array, names: tuple[str, ...], kind: str) -> Array:
         return np.asarray(np.linalg.cholesky(d), dtype=np.float64)
     except np.linalg.LinAlgError:
         check_regular(d, names, kind)
-        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given one that is not: give noise_std") from None
+        raise ValueError(f"output_covariance {kind!r}: expected a regular D, given one that is not: give noise") from None
 
 
 def whitened(factor: Array, sensitivity: Array) -> Array:

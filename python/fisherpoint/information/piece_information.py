@@ -62,13 +62,13 @@ def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
     if problem.model != pieces.model:
         raise ValueError(f"problem: expected one of the model of the pieces, {pieces.model.name}; given {problem.model.name}")
     checked_problem(problem)
-    given, noise = problem.initial_state_std or {}, problem.noise_std or {}
+    given, noise = problem.initial_state_std or {}, problem.noise or {}
     std: dict[str, float] = {}
     for state, output in pieces.measured_by.items():
         if state not in given and output is None:
             raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, which no output measures; given none")
         if state not in given and output not in noise:
-            raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, as noise_std has none of {output!r}")
+            raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, as noise has none of {output!r}")
         std[state] = given[state] if state in given else noise[str(output)]
     return checked_problem(problem.replace(initial_state_std=std, along=None))
 

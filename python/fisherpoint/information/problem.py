@@ -49,14 +49,14 @@ class DesignProblem(InNotebooks):
         One mean and standard deviation for every parameter of the model; kept in the model's order.
     region : ExperimentRegion, RunRegion or None
         Where points, or runs, may lie. None is enough to evaluate given ones.
-    noise_std : mapping of output name to float, optional
+    noise : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units; R of (17) is their squares. An output that is not named is not
         measured: it adds no information, and data of it are left out.
     rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or LinearizedRule
         How expectations over the prior are taken. Default: `SparseGaussHermite(2)`; the paper's cells are `TensorGrid()`.
     output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
         D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the
-        design's points, (17); or R plus each point's own. Default: "noise" where `noise_std` is given, else "region".
+        design's points, (17); or R plus each point's own. Default: "noise" where `noise` is given, else "region".
     parameters : sequence of str, optional
         Names of the parameters to estimate; the others are known to be at their mean. Default: all.
     kinks : {"cross", "exclude"}
@@ -98,7 +98,7 @@ class DesignProblem(InNotebooks):
     prior: GaussianPrior
     region: ExperimentRegion | RunRegion | None
     _: KW_ONLY
-    noise_std: Mapping[str, float] | None = None
+    noise: Mapping[str, float] | None = None
     rule: Rule = DEFAULT_RULE
     output_covariance: str | None = None
     parameters: Sequence[str] | None = None
@@ -136,22 +136,22 @@ class DesignProblem(InNotebooks):
             self.region.check(self.model, self.crossed)
             bounds = [self.region.bounds[quantity.name] for quantity in self.model.states]
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
-        if self.noise_std is not None:
+        if self.noise is not None:
             outputs = names_of(self.model.outputs)
-            set_field(self, "noise_std", by_name(self.noise_std, outputs, "noise_std", as_std))
-            if not self.noise_std:
-                raise ValueError(f"noise_std: expected at least one of {listed(outputs)}; given none")
+            set_field(self, "noise", by_name(self.noise, outputs, "noise", as_std))
+            if not self.noise:
+                raise ValueError(f"noise: expected at least one of {listed(outputs)}; given none")
         given = everything if self.parameters is None else self.parameters
         set_field(self, "parameters", some_names_among(given, everything, "parameters"))
         limits = () if self.along is None else (self.along,) if isinstance(self.along, str) else self.along
         set_field(self, "along", as_sequence(limits, "along", "comparisons as text") or None)
         self._check_assumed(everything)
         of = None if self.region is None else self.region.kind
-        default = "noise" if self.noise_std is not None or of == "run" else "region"
+        default = "noise" if self.noise is not None or of == "run" else "region"
         given_kind = default if self.output_covariance is None else self.output_covariance
         set_field(self, "output_covariance", check_choice(given_kind, OUTPUT_COVARIANCES, "output_covariance"))
-        if self.output_covariance == "noise" and self.noise_std is None:
-            raise ValueError("noise_std: expected the sensor noise for output_covariance='noise', given none")
+        if self.output_covariance == "noise" and self.noise is None:
+            raise ValueError("noise: expected the sensor noise for output_covariance='noise', given none")
         if self.output_covariance == "region" and of != "point":
             given_region = "None" if of is None else "one of runs"
             raise ValueError(f"region: expected a region of points for output_covariance='region', given {given_region}")
@@ -285,7 +285,7 @@ class DesignProblem(InNotebooks):
     def largest_sensitivity(self) -> Array:
         """Largest standardised sensitivity of each output (n_y, 1): a point with a larger one is rejected, as its information would
         overflow."""
-        given = self.noise_std or {}
+        given = self.noise or {}
         noise = [min(1.0, given.get(name, 1.0)) for name in names_of(self.model.outputs)]
         return _read_only(LARGEST_SENSITIVITY * np.array(noise)[:, None])
 
@@ -303,15 +303,15 @@ class DesignProblem(InNotebooks):
 
     @cached_property
     def measured(self) -> NDArray[np.bool_]:
-        """Which outputs are measured, (n_y,): those that `noise_std` names, and all where it is not given."""
-        return np.array([self.noise_std is None or name in self.noise_std for name in names_of(self.model.outputs)])
+        """Which outputs are measured, (n_y,): those that `noise` names, and all where it is not given."""
+        return np.array([self.noise is None or name in self.noise for name in names_of(self.model.outputs)])
 
     @cached_property
     def noise_covariance(self) -> Array:
         """R of (17), (n_y, n_y); zero where the noise is not known, and 1 of an output that is not `measured`, which has none."""
-        if self.noise_std is None:
+        if self.noise is None:
             return _read_only(np.zeros((len(self.model.outputs), len(self.model.outputs))))
-        return _read_only(np.diag(np.square([self.noise_std.get(name, 1.0) for name in names_of(self.model.outputs)])))
+        return _read_only(np.diag(np.square([self.noise.get(name, 1.0) for name in names_of(self.model.outputs)])))
 
 
 def _read_only(array: Array) -> Array:

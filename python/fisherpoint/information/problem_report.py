@@ -27,7 +27,7 @@ class ProblemFacts(Protocol):
     @property
     def estimated(self) -> tuple[str, ...]: ...
     @property
-    def noise_std(self) -> Mapping[str, float] | None: ...
+    def noise(self) -> Mapping[str, float] | None: ...
     @property
     def uncertain(self) -> Mapping[str, float] | None: ...
     @property
@@ -57,8 +57,8 @@ def problem_sections(problem: ProblemFacts) -> list[Section]:
         ("inputs", _listed(model.inputs)),
         ("outputs", _listed(model.outputs)),
         ("parameters to estimate", ", ".join(problem.estimated)),
-        ("sensor noise, one std", _numbers(problem.noise_std, model.outputs)),
-        ("not measured", ", ".join(q.name for q in model.outputs if problem.noise_std and q.name not in problem.noise_std)),
+        ("sensor noise, one std", _numbers(problem.noise, model.outputs)),
+        ("not measured", ", ".join(q.name for q in model.outputs if problem.noise and q.name not in problem.noise)),
         ("uncertain constants, one std", _numbers(problem.uncertain)),
         ("drawn anew in each point or run, one std", _numbers(problem.varies)),
         ("uncertain starts, one std", _numbers(problem.initial_state_std, model.states)),

@@ -95,7 +95,7 @@ class Estimator:
         cls,
         problem: DesignProblem,
         points: Points,
-        noise_std: dict[str, float],
+        noise: dict[str, float],
         noise_known: bool,
         use_prior: bool,
         rtol: float,
@@ -103,7 +103,7 @@ class Estimator:
     ) -> Estimator:
         model, names = problem.model, problem.estimated
         outputs = names_of(model.outputs)
-        data = Measurements(points, _blank(points, np.array([0.0 if name in noise_std else np.nan for name in outputs])))
+        data = Measurements(points, _blank(points, np.array([0.0 if name in noise else np.nan for name in outputs])))
         blank = data.samples
         nuisance, _ = nuisance_of(problem.uncertain, problem.initial_state_std, problem.shared_starts)
         joint = nuisance.of(model)
@@ -111,7 +111,7 @@ class Estimator:
         observed = Observed(joint.model, [data], (*names, *joint.nuisance_names), theta, rtol, threads)
         if not noise_known:
             check_noise_is_determined(observed, problem.prior if use_prior else None)
-        covariance = noise_covariance(model, noise_std)
+        covariance = noise_covariance(model, noise)
         common: tuple[RunError, ...] = ()
         information = information_of(problem, data.runs, threads)  # which must be there
         if information.assumed is not None:

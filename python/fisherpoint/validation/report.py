@@ -125,7 +125,7 @@ def _all_advice(validation: ValidatedDesigns, design: DesignValidation, verdicts
             yield "the fits' own intervals hold: trust these"
         if validation.theta == "prior":
             yield "the promise is for the prior mean, and plants differ from it: theta='mean' (--theta mean) shows what is left"
-    if validation.noise == "estimated" and short:
+    if not validation.noise_known and short:
         yield "the noise was estimated: known noise, or more samples, make the errors smaller"
     if not short:
         yield "errors are smaller, or intervals wider, than promised: the plan is on the safe side"
@@ -137,7 +137,8 @@ def done(validation: ValidatedDesigns) -> str:
     truth = {"prior": "true parameters from the prior", "mean": "true parameters at the prior mean"}
     said = truth[theta] if isinstance(theta, str) else "true parameters as given"
     kind = "maximum a posteriori" if validation.use_prior else "weighted least squares"
-    parts = [f"{validation.runs} virtual experiments each, {said}, noise {validation.noise}, {kind}, seed {validation.seed}"]
+    known = "known" if validation.noise_known else "estimated"
+    parts = [f"{validation.runs} virtual experiments each, {said}, noise {known}, {kind}, seed {validation.seed}"]
     if validation.truth is not None:
         parts.append(f"data made by another model ({validation.truth.name})")
     if validation.problem.uncertain and validation.truth is None:

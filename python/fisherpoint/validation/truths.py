@@ -37,22 +37,22 @@ class Rig:
     assumed : Assumed or None
         What deviates from one virtual experiment to the next (constants), and from point to point or run to run; None where nothing
         does.
-    noise_std : ndarray, (n_y,)
+    std : ndarray, (n_y,)
         NaN for an output that is not measured.
     """
 
     model: Model
     assumed: Assumed | None
-    noise_std: Array
+    std: Array
 
     @classmethod
-    def of(cls, problem: DesignProblem, truth: Model | None, noise_std: Mapping[str, float]) -> Rig:
+    def of(cls, problem: DesignProblem, truth: Model | None, noise: Mapping[str, float]) -> Rig:
         """The rig that the problem describes; a `truth` has exactly its own constants."""
         model, uncertain, varies = (problem.model, problem.uncertain, problem.varies) if truth is None else (truth, None, None)
         starts, assumed = problem.initial_state_std, None
         if uncertain or varies or starts:
             assumed = assumed_of(model, uncertain, varies, starts, problem.shared_starts)
-        std = np.array([noise_std.get(name, np.nan) for name in names_of(model.outputs)])
+        std = np.array([noise.get(name, np.nan) for name in names_of(model.outputs)])
         return cls(model, assumed, std)
 
     def measure(self, points: Points, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray, Array]:
@@ -78,7 +78,7 @@ class Rig:
             true[:, assumed.columns] += anew
         status = np.full(count * n_runs, Status.not_finite, dtype=np.int32)
         rows = np.flatnonzero(sensible(model, true))
-        y = np.zeros((count * n_runs, runs.dt.shape[1], len(self.noise_std)))
+        y = np.zeros((count * n_runs, runs.dt.shape[1], len(self.std)))
         if len(rows):
             many = np.tile(np.arange(n_runs), count)[rows]
             done = simulate(model, runs[many], true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
@@ -89,7 +89,7 @@ class Rig:
     def deviations(self, points: Points, count: int, rng: Streams) -> tuple[Array, Array, Array]:
         """Draw what deviates in the next experiments: noise (B, S, n_y), constants (B, q), and what is drawn anew in each run."""
         runs = as_runs(points)
-        noise = self.noise_std * rng.noise.standard_normal((count, int(runs.measured.sum()), len(self.noise_std)))
+        noise = self.std * rng.noise.standard_normal((count, int(runs.measured.sum()), len(self.std)))
         if self.assumed is None:
             return noise, np.zeros((count, 0)), np.zeros((count * len(runs), 0))
         assumed = self.assumed

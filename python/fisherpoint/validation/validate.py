@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from time import perf_counter
 from typing import Any
 
-from ..basics.checks import as_std, by_name, check_choice, check_flag, check_positive_int, check_type
+from ..basics.checks import as_std, by_name, check_flag, check_positive_int, check_type
 from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
@@ -32,12 +32,12 @@ def validate(
     problem: DesignProblem,
     designs: Any,
     *,
-    noise_std: Mapping[str, float] | None = None,
+    noise: Mapping[str, float] | None = None,
     runs: int = 1000,
     theta: str | Mapping[str, float] = "prior",
     seed: int = 0,
     truth: Model | None = None,
-    noise: str = "known",
+    noise_known: bool = True,
     use_prior: bool = False,
     threads: int | None = None,
     workers: Workers | None = None,
@@ -45,7 +45,7 @@ def validate(
 ) -> Validation:
     """Measure designs virtually many times, estimate the parameters each time, and compare with what the designs promise.
 
-    Every virtual experiment has true parameters, data y(theta) + v with v normal of standard deviations `noise_std`, and a fit
+    Every virtual experiment has true parameters, data y(theta) + v with v normal of standard deviations `noise`, and a fit
     that starts from the prior mean, and goes on from other starts, as `estimate` does, where that ends in no minimum or in a wrong
     one: a search from the true parameters shows which are wrong.
 
@@ -56,7 +56,7 @@ def validate(
         point, or run; the fits take the covariance that this adds to the outputs at the prior mean.
     designs : Experiments, Runs or a design, or a sequence, or a mapping of name to these
         They share the true parameters and the random numbers. Without names they are called "design", or "design 1" and so on.
-    noise_std : mapping of output name to float, optional
+    noise : mapping of output name to float, optional
         Standard deviations of the sensor noise, SI units. Outputs that are left out are not measured. Default: the problem's.
     runs : int
         Number of virtual experiments with each design.
@@ -68,8 +68,8 @@ def validate(
         The same seed gives the same figures on any number of threads and workers.
     truth : Model, optional
         Makes the data instead of the problem's model, with its own constants: a model error.
-    noise : {"known", "estimated"}
-        Whether the fits know `noise_std`, or estimate it from their residuals as `estimate` does.
+    noise_known : bool
+        Whether the fits know the noise, or estimate it from their residuals as `estimate` does.
     use_prior : bool
         Whether the prior takes part in the fits (maximum a posteriori), and in the promise.
     threads : int, optional
@@ -96,13 +96,13 @@ def validate(
     named = named_designs(designs)
     threads = check_threads(threads)
     count, seed = check_positive_int(runs, "runs", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
-    check_choice(noise, ("known", "estimated"), "noise")
+    noise_known = check_flag(noise_known, "noise_known")
     use_prior = check_flag(use_prior, "use_prior")
-    if noise == "estimated" and problem.assumed is not None and problem.assumed.columns:
-        raise ValueError("noise: expected 'known' beside varies or initial_state_std, given 'estimated'")
+    if not noise_known and problem.assumed is not None and problem.assumed.columns:
+        raise ValueError("noise_known: expected True beside varies or initial_state_std, given False")
     if truth is not None:
         _check_truth(truth, problem.model)
-    std = _noise_std(problem, noise_std)
+    std = _measured_noise(problem, noise)
     check_progress(progress)
     begin = perf_counter()
     thetas, redrawn = truths_of(problem, theta, count, seed)
@@ -112,7 +112,7 @@ def validate(
     with distributed_over(workers, threads) as distributor:
         for name, points in named.items():
             try:
-                estimators[name] = _estimator(name, problem, points, std, noise, use_prior, distributor.threads)
+                estimators[name] = _estimator(name, problem, points, std, noise_known, use_prior, distributor.threads)
             except NoTrajectory as error:
                 without[name] = error
         if not estimators:
@@ -147,7 +147,7 @@ def validate(
         seed,
         redrawn,
         truth,
-        noise,
+        noise_known,
         use_prior,
         perf_counter() - begin,
         count,
@@ -159,12 +159,12 @@ def _estimator(
     problem: DesignProblem,
     points: Points,
     std: dict[str, float],
-    noise: str,
+    noise_known: bool,
     use_prior: bool,
     threads: int,
 ) -> Estimator:
     try:
-        return Estimator.of(problem, points, std, noise == "known", use_prior, RTOL, threads)
+        return Estimator.of(problem, points, std, noise_known, use_prior, RTOL, threads)
     except NoTrajectory:
         raise
     except ValueError as error:
@@ -210,12 +210,12 @@ def _check_truth(truth: Model, model: Model) -> None:
             raise ValueError(f"truth: expected the {kind} {listed(expected)}; given {listed(given)}")
 
 
-def _noise_std(problem: DesignProblem, given: Mapping[str, float] | None) -> dict[str, float]:
+def _measured_noise(problem: DesignProblem, given: Mapping[str, float] | None) -> dict[str, float]:
     """Standard deviations of the outputs that are measured."""
-    if given is None and problem.noise_std is None:
-        raise ValueError("noise_std: expected the sensor noise, which the problem does not have either; given none")
+    if given is None and problem.noise is None:
+        raise ValueError("noise: expected the sensor noise, which the problem does not have either; given none")
     outputs = names_of(problem.model.outputs)
-    stds = by_name(problem.noise_std if given is None else given, outputs, "noise_std", as_std)
+    stds = by_name(problem.noise if given is None else given, outputs, "noise", as_std)
     if not stds:
-        raise ValueError(f"noise_std: expected at least one of {listed(outputs)}; given none")
+        raise ValueError(f"noise: expected at least one of {listed(outputs)}; given none")
     return dict(stds)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..basics.field_checks import Choices, Extents
+from ..basics.field_checks import Extents
 from ..basics.result_files import Codec
 from ..information.problem import DesignProblem
 from ..models import Model
@@ -22,7 +22,7 @@ class ValidatedDesigns:
     ----------
     problem : DesignProblem
     designs : mapping of name to DesignValidation
-    noise_std : mapping of output name to float
+    noise : mapping of output name to float
         Of the outputs that were measured.
     runs : int
         Virtual experiments with each design that were made.
@@ -32,7 +32,8 @@ class ValidatedDesigns:
         Draws from the prior that were left out because they make no sense to the model.
     truth : Model or None
         Model that made the data, if not the problem's.
-    noise : {"known", "estimated"}
+    noise_known : bool
+        Whether the fits knew the noise, or estimated it.
     use_prior : bool
     seconds : float
     requested : int
@@ -41,13 +42,13 @@ class ValidatedDesigns:
 
     problem: DesignProblem
     designs: Mapping[str, DesignValidation]
-    noise_std: Mapping[str, float]
+    noise: Mapping[str, float]
     runs: int
     theta: str | Mapping[str, float]
     seed: int
     redrawn: int
     truth: Model | None
-    noise: str
+    noise_known: bool
     use_prior: bool
     seconds: float
     requested: int = 0
@@ -56,9 +57,8 @@ class ValidatedDesigns:
     _EXTENTS: ClassVar[Extents] = {
         "designs": ("+",),
         "designs.parameters": ("problem.estimated",),
-        "noise_std": ("some problem.model.outputs",),
+        "noise": ("some problem.model.outputs",),
     }
-    _CHOICES: ClassVar[Choices] = {"noise": ("known", "estimated")}
 
     @property
     def interrupted(self) -> bool:

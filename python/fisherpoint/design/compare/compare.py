@@ -204,8 +204,8 @@ def compare(
     """
     check_type(problem, DesignProblem, "problem")
     check_progress(progress)
-    if problem.noise_std is None:
-        raise ValueError("noise_std: expected the sensor noise, as designs are compared by it, given None")
+    if problem.noise is None:
+        raise ValueError("noise: expected the sensor noise, as designs are compared by it, given None")
     named, threads = named_designs(designs), check_threads(threads)
     draws, seed = check_positive_int(draws, "draws"), check_positive_int(seed, "seed", 0)
     started = perf_counter()

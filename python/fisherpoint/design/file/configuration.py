@@ -62,7 +62,7 @@ class Config(ModelFile):
 
     prior: dict[str, PriorEntry]
     prior_correlation: dict[str, Correlation] = Field(default_factory=dict)
-    noise_std: dict[str, Std] | None = None
+    noise: dict[str, Std] | None = None
     uncertain: dict[str, Std] = Field(default_factory=dict)
     varies: dict[str, Std] = Field(default_factory=dict)
     initial_state_std: dict[str, Std] = Field(default_factory=dict)
@@ -120,7 +120,7 @@ class Config(ModelFile):
                 model,
                 prior,
                 region,
-                noise_std=None if self.noise_std is None else stds(self.noise_std, model.outputs),
+                noise=None if self.noise is None else stds(self.noise, model.outputs),
                 rule=rule,
                 uncertain=uncertain,
                 varies=varies,

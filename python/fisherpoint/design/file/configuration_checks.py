@@ -17,7 +17,7 @@ from .configuration_tables import BoundsEntry, PriorEntry, RegionTable, Std
 
 ENTRIES: Mapping[str, type[BaseModel]] = {
     "prior": PriorEntry,
-    "noise_std": Std,
+    "noise": Std,
     "uncertain": Std,
     "varies": Std,
     "initial_state_std": Std,
@@ -57,12 +57,12 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
     if (prior := tables.get("prior")) is not None:
         yield from wrong_entries("prior", _units(prior), model.parameters, missing="{mean = ..., std = ... or relative_std = ...}")
     yield from _wrong_pairs(tables.get("prior_correlation") or {}, parameters)
-    if (noise := tables.get("noise_std")) is not None:
-        yield from wrong_entries("noise_std", _units(noise), model.outputs)
+    if (noise := tables.get("noise")) is not None:
+        yield from wrong_entries("noise", _units(noise), model.outputs)
         if not noise:
-            yield f"noise_std: expected at least one of {listed(names_of(model.outputs))}, given none"
-    elif "noise_std" in tables and design is not None and design.output_covariance == "noise":
-        yield 'design.output_covariance: expected a table [noise_std] with "noise", given none'
+            yield f"noise: expected at least one of {listed(names_of(model.outputs))}, given none"
+    elif "noise" in tables and design is not None and design.output_covariance == "noise":
+        yield 'design.output_covariance: expected a table [noise] with "noise", given none'
     yield from _wrong_bounds(tables.get("region"), model)
     if (runs := tables.get("runs")) is not None and runs.rest is not None:
         yield from wrong_names("runs.rest.u", runs.rest.u, names_of(model.inputs))

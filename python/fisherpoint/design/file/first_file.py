@@ -67,7 +67,7 @@ def first_file(path: Path, name: str) -> tuple[str, list[str]]:
             *_prior(model),
             "# A parameter that can only be positive may be log-normal: { mean = 2.5, relative_std = 0.3, log = true }",
             "",
-            "[noise_std]                  # standard deviation of each sensor: a data sheet's, or a recording's at rest",
+            "[noise]                      # standard deviation of each sensor: a data sheet's, or a recording's at rest",
             *(_line(q.name, _rounded(std), q.unit) for q, std in zip(model.outputs, outputs, strict=True)),
             "",
             "[region]                     # where experiments may start, what may be applied, and how long they last",

@@ -49,7 +49,7 @@ def design_pieces(
     ----------
     problem : DesignProblem
         Of the model of the pieces; the region may be None. Starts have the standard deviations `initial_state_std`; those of states
-        that are not named there are the `noise_std` of the outputs that measure them. As candidates of a search do, windows start
+        that are not named there are the `noise` of the outputs that measure them. As candidates of a search do, windows start
         three of them away from jumps and limits of the model; limits along the way do not count.
     pieces : Pieces
     n_pieces : int

@@ -71,7 +71,7 @@ class PointSearch:
         self.away: Away | None = None
         if self.settings.goal.share_of_plants is not None:
             self.away = Away(self.problem, self.settings, self.seen.validity, self.tuning.plants)
-        keep = self.seen.add if self.settings.method.references and self.problem.noise_std is not None else None
+        keep = self.seen.add if self.settings.method.references and self.problem.noise is not None else None
         elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)
         self.source = CandidateSource(self.problem, rng, self.threads, keep, elsewhere, self.seen.validity)
         start = self._first()
@@ -192,7 +192,7 @@ class PointSearch:
         return self.criteria[scenario].objective(fisher + known + ridge * np.eye(len(fisher)))
 
     def under_noise(self) -> Evaluation | None:
-        if self.problem.noise_std is None:
+        if self.problem.noise is None:
             return None
         information = self._with_previous(self.best.information)
         d = output_covariance(self.problem, information, self.threads, "noise")

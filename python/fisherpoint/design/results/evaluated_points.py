@@ -35,7 +35,7 @@ def evaluate_points(problem: DesignProblem, points: Experiments, threads: int | 
     evaluation = evaluate(problem, points, threads=threads)
     if problem.output_covariance == "noise":
         under_noise: Evaluation | None = evaluation
-    elif problem.noise_std is None:
+    elif problem.noise is None:
         under_noise = None
     else:
         under_noise = evaluate(problem, points, output_covariance="noise", threads=threads)

@@ -59,7 +59,7 @@ def plot_standard_errors(design: EvaluatedPoints) -> Figure:
     """
     evaluation = design.under_noise
     if evaluation is None:
-        raise ValueError("noise_std: expected the sensor noise, from which standard errors follow; given none")
+        raise ValueError("noise: expected the sensor noise, from which standard errors follow; given none")
     units = {quantity.name: quantity.unit for quantity in design.problem.model.parameters}
     return standard_error_figure(evaluation.standard_errors, evaluation.prior_std, "under the sensor noise", units)
 

@@ -63,15 +63,15 @@ def plot_responses(design: EvaluatedPoints) -> Figure:
     along, sampled = curve[:, column], points.table[:, column]
     expected, at_points = _outputs(problem, curve), _outputs(problem, points.table)
     factor = along_axis.factor
-    noise_std = [(problem.noise_std or {}).get(output.name, 0.0) for output in model.outputs]
+    stds = [(problem.noise or {}).get(output.name, 0.0) for output in model.outputs]
 
     with mpl.rc_context(STYLE):
         figure = Picture(figsize=(7.0, 0.6 + 2.9 * len(model.outputs)), layout="constrained")
         grid = figure.subplots(len(model.outputs), 1, squeeze=False, sharex=True)[:, 0]
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
-            factor_y, unit_y = scale(output, np.append(expected[:, j], noise_std[j]))
+            factor_y, unit_y = scale(output, np.append(expected[:, j], stds[j]))
             axes.plot(factor * along, factor_y * expected[:, j], color=NOISE, linewidth=1.3)
-            noise = factor_y * noise_std[j] or None
+            noise = factor_y * stds[j] or None
             axes.errorbar(
                 factor * sampled, factor_y * at_points[:, j], noise, fmt="o", color=NOISE, ecolor=TEXT, markersize=6,
                 markeredgecolor=TEXT, markeredgewidth=0.7, capsize=2, linewidth=1, zorder=3,
@@ -82,12 +82,12 @@ def plot_responses(design: EvaluatedPoints) -> Figure:
         if along_axis.is_log:
             beyond = (upper / lower) ** BEYOND
             make_logarithmic(grid[-1], lower / beyond, upper * beyond)
-        bars = "" if problem.noise_std is None else "; bars: std of the noise"
+        bars = "" if problem.noise is None else "; bars: std of the noise"
         figure.suptitle(f"Experiment points (numbered), outputs at the prior mean{bars}", x=0.01, ha="left")
         settle(figure)  # the layout decides where labels have room
         for j, (axes, output) in enumerate(zip(grid, model.outputs, strict=True)):
-            factor_y = scale(output, np.append(expected[:, j], noise_std[j]))[0]
-            noise = factor_y * noise_std[j]
+            factor_y = scale(output, np.append(expected[:, j], stds[j]))[0]
+            noise = factor_y * stds[j]
             for place, numbers in _places(sampled, lower, upper, along_axis.is_log):
                 above = (factor * place, factor_y * at_points[numbers[0], j] + noise)
                 text = ", ".join(str(number + 1) for number in numbers)

@@ -68,7 +68,7 @@ def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int
     theta, _ = drawn_from_prior(design.problem, plants, np.random.default_rng(seed))
     lines = _rows(design.problem, points, theta)
     starts = _at_once(design.problem, points)
-    noise_std = design.problem.noise_std
+    noise = design.problem.noise
     one_unit = len({line.unit for line in lines}) == 1 and not any(line.is_log for line in lines)
 
     with mpl.rc_context({**STYLE, "font.size": 8.0}):
@@ -77,7 +77,7 @@ def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int
         grid, titles = figure.subplots(len(points), len(model.outputs), squeeze=False), []
         handles: dict[str, Any] = {}
         for j, output in enumerate(model.outputs):
-            std = (noise_std or {}).get(output.name, 0.0)
+            std = (noise or {}).get(output.name, 0.0)
             factor, unit = scale(output, np.concatenate([[std], *(row.mean[:, j] for row in lines)]))
             titles.append(labelled(output.name, unit))
             for axes, row, group, start, dt in zip(grid[:, j], lines, groups, starts, points.dt, strict=True):

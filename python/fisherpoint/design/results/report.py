@@ -148,7 +148,7 @@ def _parameter_table(evaluated: EvaluatedPoints) -> Section:
     if under_noise is None:
         note = (
             "The precision of an estimate follows from the sensor noise, which is not known. The D of the criterion is the spread "
-            "of the outputs over the prior; it ranks designs. Give [noise_std]."
+            "of the outputs over the prior; it ranks designs. Give [noise]."
         )
         return Section("No standard errors", notes=[note])
     noise = "the sensor noise (D = R)"
@@ -187,7 +187,7 @@ def _criterion(evaluated: EvaluatedPoints) -> Section:
     ]
     if evaluation.outputs_left_out:
         left_out = ", ".join(evaluation.outputs_left_out)
-        why = "no noise is given and no parameter has an influence" if evaluated.problem.noise_std is None else "not measured"
+        why = "no noise is given and no parameter has an influence" if evaluated.problem.noise is None else "not measured"
         facts.append(("outputs left out", f"{left_out}: {why}"))
     if evaluated.problem.along:
         facts.append(("limits along the way", "; ".join(evaluated.problem.along)))
@@ -211,7 +211,7 @@ def _assumed(problem: DesignProblem) -> Iterator[tuple[str, str]]:
 
 
 def _describe_covariance(problem: DesignProblem) -> str:
-    noise = "" if problem.noise_std is None else "R + "
+    noise = "" if problem.noise is None else "R + "
     form = {
         "noise": "noise: D = R, the sensor noise",
         "region": f"region: D = {noise}mean predictive covariance over the region",
@@ -337,7 +337,7 @@ def _of_covariance(kind: str, efficiency: Efficiency | None) -> Iterator[str]:
             )
         why = 'D = "pooled" ignores the size of the signals: the better it is optimised, the worse the estimates may be'
         sentence += ". " * bool(sentence)
-        use = '"noise"' if sentence else '"region", or "noise" with noise_std'
+        use = '"noise"' if sentence else '"region", or "noise" with `noise` given'
         yield f"{sentence}{why}. Use output_covariance = {use}; {GUIDE} says why."
     elif below:
         yield (

@@ -143,8 +143,8 @@ def sweep(
     """
     started = time.perf_counter()
     check_type(problem, DesignProblem, "problem")
-    if problem.noise_std is None:
-        raise ValueError("noise_std: expected the sensor noise, as sizes are compared by it, given None")
+    if problem.noise is None:
+        raise ValueError("noise: expected the sensor noise, as sizes are compared by it, given None")
     if cost is not None:
         check_type(cost, Cost, "cost")
         cost.check(problem.model)
