@@ -8,11 +8,14 @@ experiments side by side.
 from __future__ import annotations
 
 import ctypes
+import os
 import subprocess
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+
+import fisherpoint as fp
 
 from .. import compiled, machine
 from ..workload import MODEL, STATE_SCALES, Array, Pairs
@@ -20,7 +23,18 @@ from .peer import Peer, Solution, sensitivity_scales, table
 
 SOURCES = Path(__file__).parent / "odeint"
 # -ffast-math would lose the tests for failed steps; these two only let square roots be plain instructions.
-OPTIONS = ["-std=c++20", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC"]
+# Held to the level that fisherpoint is held to.
+ARCHITECTURE = f"x86-64-{fp.instruction_set()}" if "FISHERPOINT_ISA" in os.environ else "native"
+OPTIONS = [
+    "-std=c++20",
+    "-O3",
+    f"-march={ARCHITECTURE}",
+    "-mtune=native",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-shared",
+    "-fPIC",
+]
 CONSTANTS = ("A_A", "A_B", "q_min", "q_max", "p_s", "T_1", "k_u")
 
 

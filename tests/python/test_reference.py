@@ -78,7 +78,8 @@ def test_sensitivities(reference: Any, model: fp.HydraulicCylinder, theta: Float
     assert np.all(result.status == fp.Status.ok)
     assert np.max(error) < SENSITIVITY_ERROR
     assert np.max(np.abs(result.x - [case["x_end"] for case in reference["points"]]) / STATE_SCALES) < STATE_ERROR
-    np.testing.assert_array_equal(result.dy_dtheta, result.dx_dtheta[:, OUTPUT_ROWS])
+    by_rows = np.abs(result.dy_dtheta - expected[:, OUTPUT_ROWS]) * oracle.named(prior.std) / STATE_SCALES[OUTPUT_ROWS, None]
+    assert np.max(by_rows) < SENSITIVITY_ERROR
 
 
 def test_cell_probabilities(reference: Any, theta: Floats) -> None:

@@ -206,6 +206,7 @@ def sensitivities(
     threads: typing.SupportsInt | typing.SupportsIndex,
     whole_first: bool = False,
     outputs_alone: bool = False,
+    states_later: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -214,7 +215,7 @@ def sensitivities(
     numpy.typing.NDArray[numpy.int32],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time.
+    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time; with `states_later` none where that takes less time, and the statuses of those that have one.
     """
 
 @typing.overload
@@ -231,6 +232,7 @@ def sensitivities(
     threads: typing.SupportsInt | typing.SupportsIndex,
     whole_first: bool = False,
     outputs_alone: bool = False,
+    states_later: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -239,7 +241,7 @@ def sensitivities(
     numpy.typing.NDArray[numpy.int32],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time.
+    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time; with `states_later` none where that takes less time, and the statuses of those that have one.
     """
 
 @typing.overload
@@ -256,6 +258,7 @@ def sensitivities(
     threads: typing.SupportsInt | typing.SupportsIndex,
     whole_first: bool = False,
     outputs_alone: bool = False,
+    states_later: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -264,7 +267,7 @@ def sensitivities(
     numpy.typing.NDArray[numpy.int32],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time.
+    x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time; with `states_later` none where that takes less time, and the statuses of those that have one.
     """
 
 @typing.overload

@@ -33,7 +33,8 @@ class Kernels(Protocol):
         """x, y, dx_dtheta, dy_dtheta, status.
 
         With the option `whole_first` dt is the first step that is tried; with `outputs_alone` there is no dx_dtheta, (0, n_x, p),
-        which may take less time.
+        which may take less time. With `states_later` there is none where that does take less time, and a point that ends on a jump
+        that its states feel has no derivative, as with dx_dtheta.
         """
 
     def simulate_runs(self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, *settings: Any, **options: Any) -> tuple[Any, ...]:

@@ -25,11 +25,11 @@ _Result = TypeVar("_Result", Trajectories, Sensitivities)
 
 
 def checked_sensitivities(
-    model: Model, points: Experiments, theta: Array, settings: Integration, outputs_alone: bool = False
+    model: Model, points: Experiments, theta: Array, settings: Integration, outputs_alone: bool = False, states_later: bool = False
 ) -> Sensitivities:
-    """Sensitivities of points; with `outputs_alone` sooner and without dx_dtheta."""
+    """Sensitivities of points; sooner without dx_dtheta: with `outputs_alone`, and with `states_later` where it is."""
     given = (points.x0, points.u, points.dt, theta, *settings)
-    x, y, dx, dy, status = model.kernels.sensitivities(model.core, *given, outputs_alone=outputs_alone)
+    x, y, dx, dy, status = model.kernels.sensitivities(model.core, *given, outputs_alone=outputs_alone, states_later=states_later)
     return Sensitivities(x, y, dx, dy, status, _completed(status))
 
 
@@ -58,12 +58,15 @@ def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: I
 
 
 def checked_run_sensitivities(
-    model: Model, runs: Runs, theta: Array, settings: Integration, outputs_alone: bool = False
+    model: Model, runs: Runs, theta: Array, settings: Integration, outputs_alone: bool = False, states_later: bool = False
 ) -> Sensitivities:
-    """Trajectories of runs with sensitivities; with `outputs_alone` without dx_dtheta, which may take less time."""
+    """Trajectories of runs with sensitivities; with `outputs_alone` without dx_dtheta, which may take less time.
+
+    With `states_later` points are without dx_dtheta where that takes less time, and have the statuses of those that have one.
+    """
     points = runs.points
     if points is not None:
-        done = checked_sensitivities(model, points, theta, settings, outputs_alone)
+        done = checked_sensitivities(model, points, theta, settings, outputs_alone, states_later)
         x = np.stack([points.x0, done.x], axis=1)
         return done._replace(x=x, y=done.y[:, None], dx_dtheta=done.dx_dtheta[:, None], dy_dtheta=done.dy_dtheta[:, None])
     if not model.states:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,7 +52,30 @@ class Trajectories(NamedTuple):
         return to_html(preview(repr(self), self.x, self.y, self.status, self.reached))
 
 
-class Sensitivities(NamedTuple):
+class Later:
+    """An array that is computed when it is read, once."""
+
+    def __init__(self, compute: Callable[[], Array]) -> None:
+        self._compute = compute
+        self._array: Array | None = None
+
+    @property
+    def array(self) -> Array:
+        if self._array is None:
+            self._array = self._compute()
+        return self._array
+
+
+class _Fields(NamedTuple):
+    x: Array
+    y: Array
+    dx_dtheta: Array
+    dy_dtheta: Array
+    status: IntArray
+    reached: IntArray
+
+
+class Sensitivities(_Fields):
     """States, outputs and statuses as of `Trajectories`, with derivatives per SI unit of each parameter.
 
     Attributes
@@ -60,34 +84,53 @@ class Sensitivities(NamedTuple):
         As of `Trajectories`.
     dx_dtheta : ndarray, (K, n_x, p), or (K, N, n_x, p) of runs
         Derivatives of the states after dt; of runs at the segments' ends. Where the status is not ok, zero; of runs, from the
-        segment on that was not completed.
+        segment on that was not completed. Of points of a model with few outputs beside its parameters they are computed when they
+        are first read, as dy_dtheta takes less time without them.
     dy_dtheta : ndarray, (K, n_y, p), or (K, N, n_y, p) of runs
         Derivatives of the outputs. Of runs of several segments they are zero too at a sample in the very instant of a jump that its
         outputs feel: there is no derivative.
     """
 
-    x: Array
-    y: Array
-    dx_dtheta: Array
-    dy_dtheta: Array
-    status: IntArray
-    reached: IntArray
+    __slots__ = ()
+
+    @property
+    def dx_dtheta(self) -> Array:
+        return self[2]
+
+    def __getitem__(self, index: Any) -> Any:
+        found = super().__getitem__(index)
+        return tuple(map(_read, found)) if isinstance(found, tuple) else _read(found)
+
+    def __iter__(self) -> Iterator[Any]:
+        return map(_read, super().__iter__())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Sensitivities, tuple(self)
 
     @property
     def statuses(self) -> tuple[Status, ...]:
         """The statuses by their names, such as Status.met_jump."""
         return named(self.status)
 
+    def with_states(self, compute: Callable[[], Array]) -> Sensitivities:
+        """Return the same with another dx_dtheta, which `compute` returns when it is read."""
+        dx: Any = Later(compute)
+        return Sensitivities(self.x, self.y, dx, self.dy_dtheta, self.status, self.reached)
+
     def of_points(self) -> Sensitivities:
         """Return those of runs of one segment as those of points."""
-        of_ends = {name: getattr(self, name)[:, 0] for name in ("y", "dx_dtheta", "dy_dtheta")}
-        return self._replace(x=self.x[:, 1], **of_ends)
+        dx: Any = Later(lambda: self.dx_dtheta[:, 0])
+        return Sensitivities(self.x[:, 1], self.y[:, 0], dx, self.dy_dtheta[:, 0], self.status, self.reached)
 
     def __repr__(self) -> str:
         return summary("Sensitivities", self.x, self.y, self.status, self.dy_dtheta.shape[-1])
 
     def _repr_html_(self) -> str:
         return to_html(preview(repr(self), self.x, self.y, self.status, self.reached))
+
+
+def _read(field: Any) -> Any:
+    return field.array if isinstance(field, Later) else field
 
 
 def counted_statuses(status: IntArray) -> str:

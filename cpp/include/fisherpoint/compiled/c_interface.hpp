@@ -6,7 +6,7 @@
 
 extern "C" {
 
-enum : std::int32_t { fisherpoint_interface_version = 4 };
+enum : std::int32_t { fisherpoint_interface_version = 5 };
 enum { fisherpoint_reason_size = 200 };
 enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, fisherpoint_out_of_memory, fisherpoint_failed };
 
@@ -33,9 +33,9 @@ struct FisherpointNodes {
 
 using FisherpointSimulate = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, std::int32_t* status,
                                                double* lasted);
-// dx_dtheta may be null: then dy_dtheta alone is asked for.
+// dx_dtheta may be null: then dy_dtheta alone is asked for, and `states_judge` says whether ends on jumps are judged by both.
 using FisherpointSensitivities = FisherpointOutcome(const FisherpointRequest*, double* x, double* y, double* dx_dtheta,
-                                                    double* dy_dtheta, std::int32_t* status);
+                                                    double* dy_dtheta, std::int32_t* status, std::int32_t states_judge);
 // x0 is of `count` runs; u and dt are of their segments, or of those that all share.
 using FisherpointSimulateRuns = FisherpointOutcome(const FisherpointRequest*, std::int64_t segments, std::int32_t shared,
                                                    double* x, std::int32_t* status, std::int64_t* reached);

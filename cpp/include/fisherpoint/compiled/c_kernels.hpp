@@ -96,12 +96,12 @@ FisherpointOutcome simulate_request(const FisherpointRequest* request, double* x
 
 template <class M>
 FisherpointOutcome sensitivities_request(const FisherpointRequest* request, double* x, double* y, double* dx_dtheta,
-                                         double* dy_dtheta, std::int32_t* status) {
+                                         double* dy_dtheta, std::int32_t* status, std::int32_t states_judge) {
   return outcome_of(*request, [&] {
     const Request r(*request);
     with_method(r.tolerance.method, [&]<class Method>(Method) {
       sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
-                                                    {x, y, dx_dtheta, dy_dtheta, statuses(status)});
+                                                    {x, y, dx_dtheta, dy_dtheta, statuses(status), states_judge != 0});
     });
   });
 }

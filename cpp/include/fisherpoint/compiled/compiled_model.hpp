@@ -87,7 +87,7 @@ inline void simulate(const CompiledModel& model, const Points& points, const Par
 inline void sensitivities(const CompiledModel& model, const Points& points, const Parameters& parameters,
                           const Tolerance& tolerance, const Workers& workers, const SensitiveTrajectories& out) {
   detail::ask(model.kernels().sensitivities, points, parameters.theta, parameters.per_point, tolerance, workers, out.x, out.y,
-              out.dx_dtheta, out.dy_dtheta, detail::plain(out.status));
+              out.dx_dtheta, out.dy_dtheta, detail::plain(out.status), std::int32_t{out.states_judge});
 }
 
 inline void simulate_runs(const CompiledModel& model, const Runs& runs, const Parameters& parameters,

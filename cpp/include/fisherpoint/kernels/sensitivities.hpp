@@ -32,6 +32,7 @@ struct SensitiveTrajectories {
   double *x, *y;                  // (count, n_x), (count, n_y), where the trajectory ended
   double *dx_dtheta, *dy_dtheta;  // (count, n_x, p) or none, (count, n_y, p); zero where it is not ok
   Status* status;                 // (count,)
+  bool states_judge = false;      // whether a point ends on a jump that its states feel is on_jump also without dx_dtheta
 };
 
 // Into the paths of points[rows[0]], points[rows[1]], ...: as many as the pack has lanes.
@@ -218,7 +219,8 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     }
   auto beside = lanes_of<P>::none();
   if (shape.jumps_end > 0 && std::any_of(rows.begin(), rows.end(), [&](auto k) { return paths[k].ends_on_jump; }))
-    beside = ends_beside<P, Method, M>(equation, tangents, dy, rows, paths, carried, carried || !out.dx_dtheta);
+    beside = ends_beside<P, Method, M>(equation, tangents, dy, rows, paths, carried,
+                                        carried || !(out.dx_dtheta || out.states_judge));
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     const bool without = lanes_of<P>::get(beside, lane);  // a derivative of the outputs
@@ -261,6 +263,12 @@ template <class M>
 inline constexpr bool rows_may_pay = true;
 template <Model M>
 inline constexpr bool rows_may_pay<M> = rows_pay(Dependence<M>::varying_outputs, sizes<M>::parameters);
+
+// Whether dy/dtheta alone takes less time than with dx/dtheta.
+template <class M>
+bool takes_rows(const M& model) {
+  return rows_pay(dependence_of(model).varying_outputs, shape_of(model).parameters);
+}
 
 // How much a row counts beside others in the estimate of their errors: none like another, so that rows of opposite outputs do
 // not cancel.
@@ -330,7 +338,7 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
   const Shelves shelves;  // for all rounds of the calling thread
   std::vector<PointPath<M>> paths(points.count);
   const std::vector<std::size_t> order = by_duration(points);
-  const bool by_rows = !out.dx_dtheta && rows_pay(dependence_of(model).varying_outputs, shape_of(model).parameters);
+  const bool by_rows = !out.dx_dtheta && takes_rows(model);
   for (std::size_t from = 0; from < order.size(); from += batch) {  // so that few paths are kept at a time
     std::vector<std::size_t> todo(order.begin() + from, order.begin() + std::min(from + batch, order.size()));
     in_packs(workers, todo, width,

@@ -43,6 +43,7 @@ def sensitivities(
     *settings: *Settings,
     whole_first: bool = False,
     outputs_alone: bool = False,
+    states_later: bool = False,
 ) -> tuple[Array, Array, Array, Array, IntArray]:
     """x, y, dx_dtheta, dy_dtheta, status; SciPy chooses the first step, and dx_dtheta comes at no cost."""
     count, n_x, p = len(dt), model.n_x, theta.shape[-1]
