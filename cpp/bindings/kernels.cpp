@@ -112,8 +112,7 @@ void bind_model(py::module_& m) {
   m.def(
       "sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         bool cross_jumps, const std::string& method, int threads, bool whole_first, bool outputs_alone,
-         bool states_later) {
+         bool cross_jumps, const std::string& method, int threads, bool whole_first, bool outputs_alone, bool states_later) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Points points = checked_points(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(points.count);
@@ -135,7 +134,8 @@ void bind_model(py::module_& m) {
       },
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
       "whole_first"_a = false, "outputs_alone"_a = false, "states_later"_a = false,
-      "x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time; with `states_later` none where "
+      "x, y, dx_dtheta, dy_dtheta and statuses; with `outputs_alone` no dx_dtheta, in less time; with `states_later` none "
+      "where "
       "that takes less time, and the statuses of those that have one.");
 
   m.def(

@@ -203,8 +203,8 @@ long solve_all(const double* constants, long count, const double* experiments, c
   return solver.steps;
 }
 
-// The same for experiments that differ: those whose spools take the same sides share packs, in the order of their durations, or as
-// they come.
+// The same for experiments that differ: those whose spools take the same sides share packs, in the order of their durations, or
+// as they come.
 template <class T, template <class, bool> class Equation, bool sorted = true>
 long solve_side_by_side(const double* constants, long count, const double* experiments, const double* theta, double rtol,
                         const double* scales, double* y) {
@@ -219,7 +219,8 @@ long solve_side_by_side(const double* constants, long count, const double* exper
   long steps = 0;
   for (std::vector<long>& kind : kinds) {
     if (sorted)
-      std::stable_sort(kind.begin(), kind.end(), [&](long a, long b) { return experiments[7 * a + 6] < experiments[7 * b + 6]; });
+      std::stable_sort(kind.begin(), kind.end(),
+                       [&](long a, long b) { return experiments[7 * a + 6] < experiments[7 * b + 6]; });
     Solver<T, Equation> solver(c, rtol, scales);
     for (std::size_t k = 0; k < kind.size(); k += lanes<T>)
       solver.solve_side_by_side(&kind[k], std::min(lanes<T>, kind.size() - k), experiments, theta, y);
@@ -244,8 +245,8 @@ long sensitivities_packs(const double* c, long n, const double* e, const double*
                          double* y) {
   return solve_side_by_side<Pack, VariationalEquation>(c, n, e, theta, rtol, scales, y);
 }
-long sensitivities_packs_as_given(const double* c, long n, const double* e, const double* theta, double rtol, const double* scales,
-                                  double* y) {
+long sensitivities_packs_as_given(const double* c, long n, const double* e, const double* theta, double rtol,
+                                  const double* scales, double* y) {
   return solve_side_by_side<Pack, VariationalEquation, false>(c, n, e, theta, rtol, scales, y);
 }
 }

@@ -220,7 +220,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   auto beside = lanes_of<P>::none();
   if (shape.jumps_end > 0 && std::any_of(rows.begin(), rows.end(), [&](auto k) { return paths[k].ends_on_jump; }))
     beside = ends_beside<P, Method, M>(equation, tangents, dy, rows, paths, carried,
-                                        carried || !(out.dx_dtheta || out.states_judge));
+                                       carried || !(out.dx_dtheta || out.states_judge));
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
     const bool without = lanes_of<P>::get(beside, lane);  // a derivative of the outputs
