@@ -80,6 +80,7 @@ def number(count: int) -> Iterator[int]:
 ENGINES: dict[str, Callable[[], Any]] = {
     "1 process": lambda: number(1),
     "2 processes": lambda: number(2),
+    "5 processes": lambda: number(5),
     "threads": lambda: ThreadPoolExecutor(2),
     "backwards": backwards,
     "loky": loky,

@@ -8,6 +8,7 @@ import pytest
 import fisherpoint as fp
 from fisherpoint.estimation.response import RecordResponse
 from fisherpoint.models import compiled as building
+from tests.bits.digest import parts as digests
 
 pytestmark = pytest.mark.skipif(building.find_compiler() is None, reason="no C++ compiler")
 
@@ -119,6 +120,40 @@ def test_a_pickled_copy_that_would_compute_otherwise_is_refused(compiled, monkey
     monkeypatch.setattr(building, "_loaded", lambda tape, *_: tape)
     with pytest.raises(RuntimeError, match="given another compiler"):
         pickle.loads(pickled)
+
+
+@pytest.fixture(scope="module")
+def validated(points):
+    """A validation of the slider's first points, as a function of the model and of who computes it."""
+    prior = fp.GaussianPrior(THETA, relative_std=dict.fromkeys(THETA, 0.05))
+    region = fp.ExperimentRegion({"s": (-2, 2), "v": (-1, 3), "u": (-1, 3), "dt": (0.05, 2)})
+
+    def found(model, workers=None):
+        problem = fp.DesignProblem(model, prior, region, noise_std={"s": 1e-3, "w": 1e-3})
+        return dict(digests(fp.validate(problem, points[:12], runs=20, threads=1, workers=workers)))
+
+    return found
+
+
+def test_processes_compute_with_the_compiled_kernels(compiled, validated):
+    here = validated(compiled)
+    assert here != validated(slider)  # so that last bits show who was interpreted
+    assert validated(compiled, workers=2) == here
+
+
+def test_processes_that_cannot_have_the_compiled_kernels_are_refused(compiled, validated, monkeypatch):
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    with pytest.raises(RuntimeError, match=r"slider compiled as where it was pickled, given .*found none.*without compile"):
+        validated(compiled, workers=1)
+
+
+def test_a_smooth_cylinder_is_sent_with_its_kernels(monkeypatch):
+    monkeypatch.setattr("fisherpoint.models.symbolic.compiled_model", lambda *given: building.CompiledCore(given[-1], "key"))
+    model = fp.HydraulicCylinder(smooth={"v": 1e-3})
+    assert pickle.loads(pickle.dumps(model.compile())).compiled and not pickle.loads(pickle.dumps(model)).compiled
+    monkeypatch.setattr("fisherpoint.models.symbolic.compiled_model", lambda *given: building.CompiledCore(given[-1], "other"))
+    with pytest.raises(RuntimeError, match="given another compiler"):
+        pickle.loads(pickle.dumps(model.compile()).replace(b"other", b"there"))
 
 
 def test_without_a_compiler_it_says_so_and_stays_interpreted(monkeypatch):

@@ -64,11 +64,18 @@ def test_the_bits_do_not_depend_on_threads(threads: int, alone: dict[str, str]) 
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_the_bits_are_those_of_this_process(name: str, alone: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "BYTES", 300)  # parts of other sizes, too
-    searches = name in ("2 processes", "backwards")
+    searches = name in ("5 processes", "backwards")
     with ENGINES[name]() as workers:
         found = results(workers, searches=searches)
     assert found == {place: digest for place, digest in alone.items() if searches or not place.startswith("[approximate]")}
+
+
+@pytest.mark.parametrize("fewest", [1, 20, 150])
+def test_the_bits_do_not_depend_on_the_size_of_parts(fewest: int, alone: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "FEWEST", fewest)
+    with ThreadPoolExecutor(2) as executor:
+        found = dict(digests({"validate": fp.validate(PROBLEM, DESIGNS, runs=150, workers=executor)}))
+    assert found == {place: digest for place, digest in alone.items() if place.startswith("[validate]")}
 
 
 # --- Processes that end -------------------------------------------------------------------------------------------------

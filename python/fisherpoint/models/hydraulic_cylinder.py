@@ -153,7 +153,8 @@ class HydraulicCylinder(Model):
         return (self.name, *self.constants.values(), *self.smooth.items())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(type(self), smooth=dict(self.smooth), **self.constants), ()
+        kernels = {"_equations": self._equations} if self.smooth and self.compiled else None
+        return partial(type(self), smooth=dict(self.smooth), **self.constants), (), kernels
 
     def __repr__(self) -> str:
         given = [f"{name}={value!r}" for name, value in self.constants.items()]
