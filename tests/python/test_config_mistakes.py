@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import fisherpoint as fp
 from config_text import TEXT, rule_of, without, write
 
 config = pytest.importorskip("fisherpoint.design.file.configuration", reason="needs the extras", exc_type=ImportError)
@@ -268,6 +269,18 @@ def test_files_that_are_no_configuration(tmp_path: Path) -> None:
     ]
     (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbf" + TEXT.encode())
     assert config.load_problem(tmp_path / "bom.toml").model.name == "hydraulic_cylinder"
+
+
+def test_what_a_first_model_lacks_is_named_with_its_form(tmp_path: Path) -> None:
+    path = write(tmp_path / "mine.toml", '[model]\nstates = ["T"]\nparameters = ["C"]\n[model.equations]\nT = "-C*T"\n')
+    with pytest.raises(config.ConfigError) as caught:
+        fp.load_model(path)
+    units = 'expected a table with a name and its unit for each, such as {q = "m"}, given'
+    assert [line.partition("mine.toml: ")[2] for line in caught.value.lines] == [
+        'model.name: missing; expected a name for a model with equations, or "hydraulic_cylinder"',
+        f'model.states: {units} ["T"]',
+        f'model.parameters: {units} ["C"]',
+    ]
 
 
 @pytest.mark.parametrize(

@@ -132,7 +132,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, str] | None, str]] = {
     "infinite": (PLAIN.replace("0.75", "inf"), COLUMNS, "row 3, column Pegel: expected a finite number, given 'inf'"),
     "no input": (PLAIN.replace("1.625", "NA"), COLUMNS, "row 2, column Spannung: expected a number, given 'NA'"),
     "no time": (logged(("2025-05-01", "NA", "2025-05-02")), COLUMNS, "row 2, column Zeit: expected a time such as .* given 'NA'"),
-    "other names": (PLAIN, None, r"given Zeit, Spannung, Pegel; columns=\{...\}, or \[data\] of a TOML file, names other columns"),
+    "other names": (PLAIN, None, r"given Zeit, Spannung, Pegel; columns=\{...\}, --column, or \[data\] .* names"),
     "a name that is not there": (
         PLAIN,
         COLUMNS | {"u": "Strom"},

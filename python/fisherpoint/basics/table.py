@@ -89,7 +89,7 @@ class DataTable:
 
     def naming_hint(self, unknown: Iterable[str]) -> str:
         """What a message about unknown names adds where the table's own names were taken."""
-        return "" if self._named or not [*unknown] else "; columns={...}, or [data] of a TOML file, names other columns"
+        return "" if self._named or not [*unknown] else "; columns={...}, --column, or [data] of a TOML file names other columns"
 
     def __contains__(self, name: str) -> bool:
         return name in self._columns

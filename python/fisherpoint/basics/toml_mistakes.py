@@ -70,9 +70,11 @@ _BARE = re.compile(r"[\w-]+")
 
 _MISSING = {
     "model": 'a table with the name and the equations of a model, or with name = "hydraulic_cylinder"',
-    "model.name": '"hydraulic_cylinder"',
+    "model.name": 'a name for a model with equations, or "hydraulic_cylinder"',
     "prior": "a table with an entry for each parameter",
 }
+
+_QUANTITIES = ("model.states", "model.inputs", "model.parameters", "model.outputs")
 
 
 def describe(error: ValidationError, of_key: OfKey) -> list[str]:
@@ -116,6 +118,8 @@ def _describe(problem: ErrorDetails, of_key: OfKey) -> str:
     if kind == "extra_forbidden":
         return of_key(place)
     expected = expected_by(kind, problem)
+    if key in _QUANTITIES and kind == "dict_type":
+        expected = 'a table with a name and its unit for each, such as {q = "m"}'
     if key.startswith("rule.levels") and kind in ("int_type", "dict_type"):
         expected = "a whole number, or one for each parameter by name"
     if key.startswith("rule.edges") and kind in ("list_type", "dict_type"):
