@@ -9,5 +9,6 @@ void bind_models(pybind11::module_& m);
 void bind_tape(pybind11::module_& m);
 void bind_prior_nodes(pybind11::module_& m);
 void bind_fisher(pybind11::module_& m);
+void bind_whitening(pybind11::module_& m);
 
 }  // namespace fisherpoint::bindings

@@ -9,5 +9,6 @@ PYBIND11_MODULE(_core, m, pybind11::mod_gil_not_used()) {
   fisherpoint::bindings::bind_tape(m);
   fisherpoint::bindings::bind_prior_nodes(m);
   fisherpoint::bindings::bind_fisher(m);
+  fisherpoint::bindings::bind_whitening(m);
   m.def("supported_isas", &fisherpoint::supported_levels, "Instruction-set levels that this machine has, the best last.");
 }

@@ -48,6 +48,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .models.decorator import model
     from .models.symbolic import SymbolicModel
     from .models.toml_to_model import load_model
+    from .noise.models import GaussMarkov, Noise, NoiseModel
     from .points.broken_limits import broken_limits
     from .points.constraints import Constraint
     from .points.experiments import Experiments
@@ -83,12 +84,15 @@ __all__ = [
     "Experiments",
     "Fit",
     "GaussHermite",
+    "GaussMarkov",
     "GaussianPrior",
     "Goal",
     "HydraulicCylinder",
     "LinearizedRule",
     "Measurements",
     "Model",
+    "Noise",
+    "NoiseModel",
     "OverPrior",
     "PieceDesign",
     "Pieces",
@@ -186,6 +190,7 @@ _PLACES = {
     ".models.decorator": ("model",),
     ".models.symbolic": ("SymbolicModel",),
     ".models.toml_to_model": ("load_model",),
+    ".noise.models": ("GaussMarkov", "Noise", "NoiseModel"),
     ".points.broken_limits": ("broken_limits",),
     ".points.constraints": ("Constraint",),
     ".points.experiments": ("Experiments",),

@@ -27,6 +27,7 @@ OPTIONAL_AND_POSITIONAL = {
     "ExperimentRegion": ["constraints"],
     "GaussHermite": ["levels"],
     "GaussianPrior": ["std"],
+    "Noise": ["std"],
     "Quantity": ["description"],
     "Rest": ["u"],
     "Runs": ["measured"],

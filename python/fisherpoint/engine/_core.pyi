@@ -22,6 +22,7 @@ __all__: list[str] = [
     "log_det",
     "operations",
     "supported_isas",
+    "whiten",
 ]
 
 class HydraulicCylinder:
@@ -350,4 +351,24 @@ def operations() -> list[str]:
 def supported_isas() -> list[str]:
     """
     Instruction-set levels that this machine has, the best last.
+    """
+
+def whiten(
+    columns: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    times: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    std: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    measured: typing.Annotated[numpy.typing.ArrayLike, numpy.bool],
+    correlation: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    parts: collections.abc.Sequence[
+        tuple[
+            typing.SupportsInt | typing.SupportsIndex,
+            typing.SupportsFloat | typing.SupportsIndex,
+            typing.SupportsFloat | typing.SupportsIndex,
+        ]
+    ],
+    threads: typing.SupportsInt | typing.SupportsIndex = 1,
+) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+    """
+    R^-1/2 of columns (K, N, n_y, C), zero where not measured, and log det R (K,): white noise of std (K, N, n_y) and
+    correlation (n_y, n_y), and Gauss-Markov parts (output, std, correlation time).
     """

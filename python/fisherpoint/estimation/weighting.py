@@ -16,8 +16,9 @@ from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..information.assumed import Assumed
-from ..information.run_tangents import CommonError, moves_of_runs
+from ..information.run_tangents import moves_of_runs
 from ..models import Model
+from ..noise.common_error import CommonError
 from ..points.settings import Integration
 from ..points.status import Status
 from .least_squares import Accuracy

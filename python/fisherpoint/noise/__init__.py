@@ -1,0 +1,1 @@
+"""Errors of sensors: what a user says of them, and the Fisher information about the noise-free outputs that readings have."""

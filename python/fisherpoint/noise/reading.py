@@ -1,0 +1,158 @@
+"""The Fisher information that one reading of a sensor has about the noise-free output.
+
+The reading is that of a normal variable of mean y and variance v = a^2 + b^2 y^2, rounded to multiples of q, and then not past the
+limits. With z = (edge - y) / sqrt(v), each value that is shown has a probability P(y), and the information is the sum of P'^2 / P.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array
+
+Places = NDArray[np.intp]
+
+SPAN = 9.0
+"""Standard deviations to each side of y, past which no reading falls."""
+
+FINE = 1e-3
+"""Steps, in standard deviations, up to which rounding is white noise of the variance q^2 / 12: the error is of the fourth order."""
+
+SPACING = 0.3
+"""Spacing, in standard deviations, of cells that stand for their neighbours: the sum is an integral to rounding."""
+
+TILED = 1e-2
+"""Steps, in standard deviations, from which on cells are counted one by one beside a limit."""
+
+AT_ONCE = 1 << 20
+"""Probabilities of cells that are computed at once, so that memory stays bounded."""
+
+
+def reading_information(
+    y: Array,
+    std: float,
+    relative: float = 0.0,
+    resolution: float = 0.0,
+    lower: float = -np.inf,
+    upper: float = np.inf,
+) -> Array:
+    """Fisher information w of readings about noise-free outputs y, in 1 / unit^2, of the shape of y.
+
+    Parameters
+    ----------
+    y : ndarray
+    std, relative, resolution, lower, upper : float
+        As in `Noise`.
+    """
+    variance = std**2 + np.square(relative * y)
+    limited = bool(np.isfinite(lower) or np.isfinite(upper))
+    if not resolution and not limited:
+        slope: Array = 2 * relative**2 * y  # of the variance
+        return 1 / variance + np.square(slope / variance) / 2
+    shape, y, variance = y.shape, y.ravel(), variance.ravel()
+    sigma = np.sqrt(variance)
+    fine = resolution < (TILED if limited else FINE) * sigma
+    found = np.empty(len(y))
+    if resolution and limited:  # the outermost steps that are not shown as limits
+        lower, upper = rounded_limits(resolution, lower, upper)
+    wide = np.sqrt(variance[fine] + resolution**2 / 12)
+    found[fine] = _censored(y[fine], wide, relative**2 * y[fine] / wide, lower, upper)
+    for rows in _portions(np.flatnonzero(~fine), sigma, resolution, limited):
+        found[rows] = _rounded(y[rows], sigma[rows], relative**2 * y[rows] / sigma[rows], resolution, lower, upper)
+    return found.reshape(shape)
+
+
+def rounded_limits(resolution: float, lower: float, upper: float) -> tuple[float, float]:
+    """The values past which a reading that is rounded first shows a limit."""
+    with np.errstate(invalid="ignore"):
+        below = (np.floor(lower / resolution + 1e-9) + 0.5) * resolution
+        above = (np.ceil(upper / resolution - 1e-9) - 0.5) * resolution
+    return float(below), float(above)
+
+
+def _censored(y: Array, sigma: Array, slope: Array, lower: float, upper: float) -> Array:
+    """Of readings that are not rounded: an integral between the limits, and the two probabilities of showing a limit.
+
+    `slope` is d sigma / dy.
+    """
+    low, high = (lower - y) / sigma, (upper - y) / sigma
+    inside = _integral(high, slope) - _integral(low, slope) + (1 + 2 * np.square(slope)) * _probability(low, high)
+    at_limits = _share(low, slope, _cdf(low)) + _share(high, slope, _cdf(-high))
+    found: Array = (np.maximum(inside, 0.0) + at_limits) / np.square(sigma)
+    return found
+
+
+def _integral(z: Array, slope: Array) -> Array:
+    """Antiderivative of (z + s (z^2 - 1))^2 phi(z), without its (1 + 2 s^2) Phi(z)."""
+    z = np.clip(z, -40.0, 40.0)  # where the density is zero
+    found: Array = -_density(z) * (z + 2 * slope * (z * z + 1) + np.square(slope) * (z**3 + z))
+    return found
+
+
+def _rounded(y: Array, sigma: Array, slope: Array, q: float, lower: float, upper: float) -> Array:
+    """Of rounded readings: the sum over cells of width q, and the two probabilities of showing a limit."""
+    limited = bool(np.isfinite(lower) or np.isfinite(upper))
+    smallest = float(sigma.min())
+    if limited or q >= SPACING * smallest:
+        count = int(np.ceil(SPAN * float(sigma.max()) / q)) + 1
+        cells = (np.rint(y / q)[:, None] + np.arange(-count, count + 1)) * q
+        left, right, weight = cells - q / 2, cells + q / 2, np.ones((len(y), 1))
+    else:
+        steps = SPACING * np.arange(-int(SPAN / SPACING), int(SPAN / SPACING) + 1)
+        cells = y[:, None] + sigma[:, None] * steps
+        left, right, weight = cells - q / 2, cells + q / 2, SPACING * sigma[:, None] / q
+    low, high = ((np.clip(edge, lower, upper) - y[:, None]) / sigma[:, None] for edge in (left, right))
+    change = _density(high) * (1 + high * slope[:, None]) - _density(low) * (1 + low * slope[:, None])
+    found = (weight * _ratio(np.square(change), _probability(low, high))).sum(axis=1)
+    low, high = (lower - y) / sigma, (upper - y) / sigma
+    found += _share(low, slope, _cdf(low)) + _share(high, slope, _cdf(-high))
+    return np.asarray(found / np.square(sigma))
+
+
+def _portions(rows: Places, sigma: Array, q: float, limited: bool) -> list[Places]:
+    """Rows of similar standard deviations, as many at once as memory has room for, those with representative cells apart."""
+    rows = rows[np.argsort(sigma[rows], kind="stable")]
+    parts: list[Places] = []
+    first = 0
+    while first < len(rows):
+        least = sigma[rows[first]]
+        fits = sigma[rows] <= 2 * least
+        if not limited:
+            fits &= (q >= SPACING * sigma[rows]) == (q >= SPACING * least)
+        last = int(np.flatnonzero(fits)[-1]) + 1
+        each = max(1, int(AT_ONCE / (4 * SPAN * least / q + 2 * SPAN / SPACING + 4)))
+        last = min(last, first + each)
+        parts.append(rows[first:last])
+        first = last
+    return parts
+
+
+def _share(z: Array, slope: Array, probability: Array) -> Array:
+    """P'^2 / P, times the variance, of one value that is shown from an edge on."""
+    finite = np.where(np.isfinite(z), z, 0.0)
+    change = np.where(np.isfinite(z), _density(finite) * (1 + finite * slope), 0.0)
+    return _ratio(np.square(change), probability)
+
+
+def _ratio(a: Array, b: Array) -> Array:
+    """a / b, and 0 where b is, as a is there."""
+    return np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape)), where=b > 0)
+
+
+def _density(z: Array) -> Array:
+    found: Array = np.exp(-np.square(z) / 2) / np.sqrt(2 * np.pi)
+    return found
+
+
+def _cdf(z: Array) -> Array:
+    from scipy.special import ndtr
+
+    return np.asarray(ndtr(z))
+
+
+def _probability(low: Array, high: Array) -> Array:
+    """Phi(high) - Phi(low), by the tail on whose side both are: there the difference keeps its digits."""
+    flip = low > 0
+    first, second = np.where(flip, -high, low), np.where(flip, -low, high)
+    return np.asarray(_cdf(second) - _cdf(first))
