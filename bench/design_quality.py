@@ -31,6 +31,7 @@ from fisherpoint.estimation.small_samples import output_degrees_of_freedom
 from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, unknowns_of
 from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
 from fisherpoint.information.draws import drawn_from_prior
+from fisherpoint.noise.models import nominal_std
 from fisherpoint.points.settings import Integration, resolve_threads
 from fisherpoint.validation.fits import Estimator
 from fisherpoint.validation.searches import Searched
@@ -115,20 +116,20 @@ def measured(candidate: Candidate, case: Case, noise: float, theta: Array) -> tu
     asked, streams = problem(noise), Streams.of(SEED)
     constants: dict[str, Any] = {"T_1": case.factor * T_1}
     if isinstance(candidate.data, fp.Experiments):
-        rig = Rig.of(asked, fp.HydraulicCylinder(**constants), asked.noise or {})
+        rig = Rig.of(asked, fp.HydraulicCylinder(**constants), nominal_std(asked.noise))
         y, status, _ = rig.measure(candidate.data, theta, streams, resolve_threads(None))
         return y, status
     one = candidate.data
     x0 = np.tile([one.x0[state.name] for state in MODEL.states], (len(theta), 1))
     true = fp.HydraulicCylinder(**constants, smooth=SMOOTH)
     _, y, status, _ = record_trajectories(true, theta, x0, one.t, one.u, Integration(TRUTH_RTOL, threads=resolve_threads(None)))
-    return y + np.array(list((asked.noise or {}).values())) * streams.noise.standard_normal(y.shape) + 0 * one.y, status
+    return y + np.array(list((nominal_std(asked.noise)).values())) * streams.noise.standard_normal(y.shape) + 0 * one.y, status
 
 
 def estimator(candidate: Candidate, case: Case, noise: float) -> Estimator:
     """What fits the data."""
     asked, threads = setting(case, noise), resolve_threads(None)
-    std = dict(asked.noise or {})
+    std = dict(nominal_std(asked.noise))
     if isinstance(candidate.data, fp.Experiments):
         return Fits.of(asked, candidate.data, std, True, case.use_prior, RTOL, threads)
     model, names, one = fp.HydraulicCylinder(smooth=SMOOTH), asked.estimated, candidate.data

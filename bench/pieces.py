@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 import fisherpoint as fp
+from fisherpoint.noise.models import nominal_std
 
 from . import fresh_process
 from .memory import peak_memory
@@ -74,5 +75,5 @@ def motor_log(samples: int, seed: int = 0) -> tuple[fp.DesignProblem, fp.Record]
     u = levels[np.maximum.accumulate(np.where(changes, np.arange(samples), 0))]
     start = {"i": 0.1, "w": float((u[0] - 0.23) / problem.prior.mean["K"])}
     y = fp.simulate_record(problem.model, t, u, problem.prior.mean, start).y
-    noise = list((problem.noise or {}).values())
+    noise = list(nominal_std(problem.noise).values())
     return problem, fp.Record(t, u, y + np.array(noise) * rng.standard_normal(y.shape))

@@ -126,10 +126,25 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         {},
     ),
     "noise": (
-        "Standard deviation of the sensor noise, by name of the output. With this table only the outputs that it names are"
-        " measured; without it all are, and no standard errors are computed.",
-        '[noise]\nq = { value = 5e-6, unit = "m" }\np_A = 2e4\np_B = 2e4\nx_v = 1e-3\n',
-        {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
+        "The sensor noise, by name of the output; a number alone is the standard deviation of white noise. With this table only the"
+        " outputs that it names are measured; without it all are, and no standard errors are computed."
+        " [Noise of sensors](../how_to/noise.md) explains its parts.",
+        '[noise]\nq = { std = 5e-6, unit = "m" }\np_A = 2e4\np_B = { std = 2e4, relative = 0.01, limits = [0, 2.5e7] }\n'
+        "x_v = { std = 1e-3, colored = { std = 1e-3, correlation_time = 0.5 }, resolution = 1e-3 }\n",
+        {
+            "std": "Standard deviation of the white part; 0 is allowed beside `colored`.",
+            "unit": "The unit of the entry, where it is not the model's.",
+            "relative": "Share of the output itself that the white part grows by: the variance is `std`^2 + (`relative` y)^2.",
+            "colored": "A part with a memory, `{ std = ..., correlation_time = ... }`, or a list of two; the time is in s.",
+            "resolution": "Readings are rounded to multiples of it.",
+            "limits": "The least and the largest value that the sensor shows; `-inf` or `inf` for none.",
+        },
+    ),
+    "noise_correlation": (
+        'Correlations of the white parts of pairs of outputs, between -1 and 1; the key is `"first, second"`. Pairs that are not'
+        " listed are independent.",
+        '[noise]\nq = 5e-6\np_A = 2e4\np_B = 2e4\nx_v = 1e-3\n\n[noise_correlation]\n"p_A, p_B" = 0.3\n',
+        {},
     ),
     "uncertain": (
         "Standard deviations of constants, and of parameters that are not estimated, by name: of what has one value in all data."

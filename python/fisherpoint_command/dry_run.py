@@ -9,6 +9,8 @@ from typing import Any
 
 import fisherpoint as fp
 from fisherpoint.basics.messages import listed
+from fisherpoint.information.problem_report import noise_in_words
+from fisherpoint.noise.models import outputs_of
 from fisherpoint.show.numbers import counted, number
 from fisherpoint.show.section import Report, Section
 
@@ -29,15 +31,15 @@ def show_plan(problem: fp.DesignProblem, files: Sequence[Path], work: Iterable[R
 def problem_rows(problem: fp.DesignProblem) -> list[Row]:
     """Model, what is estimated, noise, region, and how expectations are taken."""
     model, region = problem.model, problem.region
-    noise = problem.noise or {}
+    measured = {} if problem.noise is None else outputs_of(problem.noise)
     rule = problem.rule
     rows = [
         ("model", f"{model.name}: {_kinds(model)}"),
         ("estimated", listed(problem.estimated)),
-        ("noise", _values(model.outputs, {name: number(std) for name, std in noise.items()}) or "not given"),
+        ("noise", noise_in_words(problem.noise, model.outputs) or "not given"),
     ]
-    if noise and len(noise) < len(model.outputs):
-        rows.append(("not measured", listed(q.name for q in model.outputs if q.name not in noise)))
+    if measured and len(measured) < len(model.outputs):
+        rows.append(("not measured", listed(q.name for q in model.outputs if q.name not in measured)))
     if region is not None:
         bounds = {
             name: f"{number(low)} to {number(high)}" if low < high else number(low) for name, (low, high) in region.bounds.items()

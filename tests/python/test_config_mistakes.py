@@ -103,7 +103,7 @@ MISTAKES = {
         "relativ_std = 0.30",
         'unknown key prior.a_tau.relativ_std; expected one of mean, std, relative_std, unit, log (did you mean "relative_std"?)',
     ),
-    "no noise": ("x_v = 1e-3", "x_v = 0", "noise.x_v.value: expected a number > 0, given 0"),
+    "no noise": ("x_v = 1e-3", "x_v = 0", "noise.x_v.std: expected a positive standard deviation, or a colored part, given 0"),
     "unknown constant": (
         "A_A   =",
         "A_C   =",
@@ -194,7 +194,8 @@ MISTAKES = {
     "table": (
         "[design]",
         "[desing]",
-        "unknown key desing; expected one of model, prior, prior_correlation, noise, uncertain, varies, initial_state_std, "
+        "unknown key desing; expected one of model, prior, prior_correlation, noise, noise_correlation, "
+        "uncertain, varies, initial_state_std, "
         "region, runs, rule, goal, design, cost, campaign, data "
         '(did you mean "design"?)',
     ),

@@ -49,7 +49,7 @@ IN_OTHERS = """
 C = { mean = 1.5, relative_std = 0.1, unit = "kJ/K" }
 T_a = { mean = 21.0, std = 2.0, unit = "degC" }
 [noise]
-T = { value = 50.0, unit = "mK" }
+T = { std = 50.0, unit = "mK" }
 [uncertain]
 G = { value = 10.0, unit = "mW/K" }
 [initial_state_std]

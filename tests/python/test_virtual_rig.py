@@ -105,7 +105,7 @@ def test_nothing_measured_at_all_is_an_error() -> None:
     ("changes", "message"),
     [
         ({"noise": {"p_C": 1.0}}, "noise: expected names of q, p_A, p_B, x_v; given unknown 'p_C'"),
-        ({"noise": {}}, "noise: expected at least one output"),
+        ({"noise": {}}, "noise: expected at least one of"),
         ({"noise": {"q": -1.0}}, r"noise\['q'\]: expected a standard deviation of at least 0, given -1"),
         ({"noise": {"q": np.inf}}, r"noise\['q'\]: expected finite numbers"),
         ({"initial_state_std": {"u": 1.0}}, "initial_state_std: expected names of q, v, p_A, p_B, x_v; given unknown 'u'"),

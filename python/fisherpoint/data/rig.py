@@ -13,6 +13,9 @@ from ..basics.checks import as_std_or_zero, by_name, check_positive_int, check_t
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..models import Model
+from ..noise.draws import memories, readings
+from ..noise.models import NoiseOf, as_noise_or_zero, checked_noise
+from ..noise.sensors import Sensors
 from ..points.rest_starts import checked_starts
 from ..points.runs import Points, as_runs
 from ..points.settings import check_rtol
@@ -26,15 +29,16 @@ MAX_POINTS = 10**8
 
 
 class VirtualRig:
-    """A rig that is a simulation: y = g(x(dt), u, theta) + v, v normal with standard deviations `noise`, (4).
+    """A rig that is a simulation: y = g(x(dt), u, theta) + v, v normal with standard deviations `noise`, (4), or as `Noise` says.
 
     Parameters
     ----------
     model : Model
     theta : mapping by name, or array_like (p,)
         The true parameters, SI units.
-    noise : mapping of output name to float
-        Standard deviations of the sensor noise, SI units; 0 for a sensor without noise. Outputs left out are not measured.
+    noise : mapping of output name to float or Noise, or NoiseModel
+        The sensor noise, SI units: a number is the standard deviation of white noise, 0 for a sensor without. Outputs that are left
+        out are not measured. What has a memory begins anew in each point or run.
     initial_state_std : mapping of state name to float, optional
         By how much true starts deviate from the planned ones, which alone are recorded; states left out start as planned.
     seed : int
@@ -57,7 +61,7 @@ class VirtualRig:
         self,
         model: Model,
         theta: Mapping[str, float] | ArrayLike,
-        noise: Mapping[str, float],
+        noise: NoiseOf,
         *,
         initial_state_std: Mapping[str, float] | None = None,
         seed: int = 0,
@@ -69,15 +73,12 @@ class VirtualRig:
         if self.theta.ndim != 1:
             raise ValueError(f"theta: expected shape ({len(model.parameters)},), given {self.theta.shape}")
         outputs, states = names_of(model.outputs), names_of(model.states)
-        noise = by_name(noise, outputs, "noise", as_std_or_zero)
-        self._std = np.array([noise.get(name, np.nan) for name in outputs])
-        if np.isnan(self._std).all():
-            raise ValueError("noise: expected at least one output that is measured, given none")
+        self._sensors = Sensors.of(checked_noise(noise, outputs, as_noise_or_zero), outputs)
         deviations = by_name(initial_state_std, states, "initial_state_std", as_std_or_zero)
         self._start_std = np.array([deviations.get(name, 0.0) for name in states])
-        # Streams of their own: whether starts deviate, and which outputs are measured, does not change the noise of the others.
-        seeds = np.random.SeedSequence(check_positive_int(seed, "seed", 0)).spawn(2)
-        self._noise, self._starts = (np.random.default_rng(one) for one in seeds)
+        # Streams of their own: whether starts deviate, and what noise outputs have, does not change the noise of the others.
+        seeds = np.random.SeedSequence(check_positive_int(seed, "seed", 0)).spawn(2 + len(outputs))
+        self._noise, self._starts, *self._memories = (np.random.default_rng(one) for one in seeds)
         self._failures: Counter[str] = Counter()
 
     @property
@@ -106,7 +107,8 @@ class VirtualRig:
         rows = np.tile(np.arange(len(points)), times)
         planned, runs = points[rows], runs[rows]
         deviation = self._start_std * self._starts.standard_normal((len(runs), n_x))
-        noise = self._std * self._noise.standard_normal((*runs.dt.shape, len(self.model.outputs)))
+        white = self._noise.standard_normal((*runs.dt.shape, len(self.model.outputs)))
+        memory = memories(self._sensors, runs.dt, self._memories)
         if runs.x0.shape[1] != n_x:
             raise ValueError(f"x0: expected shape (K, {n_x}), given {runs.x0.shape}")
         x0 = checked_starts(self.model, runs, self.theta, deviation) + deviation
@@ -125,9 +127,10 @@ class VirtualRig:
                 RuntimeWarning,
                 stacklevel=2,
             )
-        y = np.where(there[:, :, None], done.y + noise, np.nan)
+        y = readings(self._sensors, np.where(there[:, :, None], done.y, 0.0), white, memory)
+        y = np.where(there[:, :, None] & self._sensors.measured, y, np.nan)
         return Measurements(planned, y.reshape(*planned.dt.shape, -1))
 
     def __repr__(self) -> str:
-        measured = [name for name, std in zip(names_of(self.model.outputs), self._std, strict=True) if not np.isnan(std)]
+        measured = [name for name, there in zip(names_of(self.model.outputs), self._sensors.measured, strict=True) if there]
         return f"VirtualRig({self.model.name}, measures {', '.join(measured)})"

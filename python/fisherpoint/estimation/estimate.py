@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..basics.checks import as_float, by_name, check_mapping, check_positive_int, check_type, some_names_among
+from ..basics.checks import as_float, by_name, check_positive_int, check_type, some_names_among
 from ..basics.messages import listed, shown
 from ..basics.options import with_options
 from ..basics.quantity import names_of
@@ -21,6 +21,7 @@ from ..data.record import Record
 from ..information.assumed import assumed_of
 from ..information.deviations import EXACT, Deviations
 from ..models import Model
+from ..noise.models import NoiseOf, checked_noise, white_alone
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import check_rtol, resolve_threads
 from ..prior.gaussian import GaussianPrior
@@ -54,7 +55,7 @@ def estimate(
     *,
     start: Mapping[str, float] | GaussianPrior | None = None,
     parameters: Sequence[str] | None = None,
-    noise: Mapping[str, float] | None = None,
+    noise: NoiseOf | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     deviations: Deviations = EXACT,
     starts: int = 8,
@@ -81,8 +82,8 @@ def estimate(
     parameters : sequence of str, optional
         Names of the parameters to estimate; the others are known to be at their start. Default: all.
     noise : mapping of output name to float, optional
-        Standard deviations of the sensor noise, SI units; data of outputs that are not named are left out. Default: not known, and
-        all outputs take part.
+        Standard deviations of the sensor noise, SI units, which must be white; data of outputs that are not named are left out.
+        Default: not known, and all outputs take part.
     bounds : mapping of name to (lower, upper), optional
         None for no bound. Default: what the model itself demands (`Model.least`).
     deviations : Deviations, optional
@@ -116,7 +117,7 @@ def estimate(
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
     if noise is not None:
-        check_mapping(noise, "noise")
+        noise = white_alone(checked_noise(noise, names_of(model.outputs)), "noise", "of fits")
     check_type(deviations, Deviations, "deviations")
     uncertain, varies = deviations.uncertain, deviations.varies
     for label, stds in (("uncertain", uncertain), ("varies", varies)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import as_std, by_name
 from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import Array
@@ -19,6 +18,7 @@ from ..information.assumed import Assumed
 from ..information.run_tangents import moves_of_runs
 from ..models import Model
 from ..noise.common_error import CommonError
+from ..noise.models import NoiseOf, checked_noise, white_alone
 from ..points.settings import Integration
 from ..points.status import Status
 from .least_squares import Accuracy
@@ -110,10 +110,10 @@ def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
     return given.reshape(*given.shape, *(1,) * (like.ndim - 3))
 
 
-def noise_covariance(model: Model, noise: Mapping[str, float]) -> Array:
+def noise_covariance(model: Model, noise: NoiseOf) -> Array:
     """R (n_y, n_y) of the noise, 1 of an output that is not named: it is not measured."""
     names = names_of(model.outputs)
-    stds = by_name(noise, names, "noise", as_std)
+    stds = white_alone(checked_noise(noise, names), "noise", "of fits")
     if not stds:
         raise ValueError(f"noise: expected at least one of {listed(names)}; given none")
     return np.diag([stds.get(name, 1.0) ** 2 for name in names])

@@ -108,6 +108,7 @@ def output_covariance(
         outputs that are not measured: one D for all points has no value for them.
     """
     kind = kind or str(problem.output_covariance)
+    problem.check_weighs(kind)
     noise = problem.noise_covariance
     base = noise + (region_mean(problem, threads) if kind == "region" else 0.0)
     varies = (sample.sensitivity != 0).any(axis=(0, 2)) | (np.diagonal(sample.covariance, axis1=1, axis2=2) > 0).any(axis=0)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..basics.values import Array, FrozenMapping
 from ..data.measured_outputs import runs_with_outputs
 from ..data.pieces import Pieces
+from ..noise.models import Noise, nominal_std, outputs_of
 from ..points.settings import on_surface
 from ..points.status import failures_of
 from .assumed import starts_near
@@ -62,14 +63,16 @@ def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
     if problem.model != pieces.model:
         raise ValueError(f"problem: expected one of the model of the pieces, {pieces.model.name}; given {problem.model.name}")
     checked_problem(problem)
-    given, noise = problem.initial_state_std or {}, problem.noise or {}
+    given, noise = problem.initial_state_std or {}, {} if problem.noise is None else outputs_of(problem.noise)
     std: dict[str, float] = {}
     for state, output in pieces.measured_by.items():
         if state not in given and output is None:
             raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, which no output measures; given none")
         if state not in given and output not in noise:
             raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, as noise has none of {output!r}")
-        std[state] = given[state] if state in given else noise[str(output)]
+        if state not in given and isinstance(noise[str(output)], Noise):
+            raise ValueError(f"initial_state_std: expected a standard deviation of {state!r}, as that of {output!r} is not white")
+        std[state] = given[state] if state in given else nominal_std(problem.noise)[str(output)]
     return checked_problem(problem.replace(initial_state_std=std, along=None))
 
 

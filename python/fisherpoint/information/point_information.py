@@ -39,7 +39,7 @@ class PointInformation:
     covariance : ndarray, (K, n_y, n_y)
         Predictive covariances over the prior of the estimated parameters.
     assumed : ndarray, (K, n_y, n_y), or None
-        What is drawn anew in each point adds to R; None where nothing is.
+        What is drawn anew in each point adds to R; None where nothing is, and where the noise is not white: it is in the rows then.
     measured : ndarray of bool, (K, n_y), or None
         Which outputs are measured; None for all.
     elsewhere : tuple of PointInformation
@@ -114,7 +114,16 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
         result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings, outputs_alone=True)
     scaled = problem.standardised(result.dy_dtheta)
     n_y, status, share = scaled.shape[1], only_finite(result.status, scaled), None
-    if assumed is not None and assumed.columns:
+    if problem.sensors is not None and not problem.sensors.white:
+        moved = None
+        if assumed is not None and assumed.columns:
+            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+                moved = (result.dy_dtheta[:, :, assumed.columns] * assumed.std)[:, None]
+            status = only_finite(status, moved)
+        times, measured = np.zeros((len(points), 1)), np.broadcast_to(problem.measured, (len(points), 1, n_y))
+        rows, status = problem.white_rows(scaled[:, None], moved, times, result.y[:, None], measured, status)
+        scaled = rows[:, 0]
+    elif assumed is not None and assumed.columns:
         share = assumed.covariance(result.dy_dtheta)
         status = only_finite(status, share)
         if problem.assumed_covariance == "predictive" and not isinstance(problem.rule, LinearizedRule):

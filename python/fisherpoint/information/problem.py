@@ -12,16 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_sequence, as_std, by_name, check_choice, check_names, some_names_among
-from ..basics.messages import listed, shown
+from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.result_files import Codec
-from ..basics.values import Array
+from ..basics.values import Array, IntArray
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
+from ..noise.models import Noise, NoiseModel, checked_noise, nominal_std, outputs_of
+from ..noise.sensors import Sensors
 from ..points.natural_sizes import warn_of_small_states
 from ..points.region import ExperimentRegion
 from ..points.run_region import RunRegion
 from ..points.settings import Integration, check_jumps, check_kinks, check_rtol, crossed_surfaces, resolve_threads
+from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
 from ..show.section import Report
@@ -49,9 +52,9 @@ class DesignProblem(InNotebooks):
         One mean and standard deviation for every parameter of the model; kept in the model's order.
     region : ExperimentRegion, RunRegion or None
         Where points, or runs, may lie. None is enough to evaluate given ones.
-    noise : mapping of output name to float, optional
-        Standard deviations of the sensor noise, SI units; R of (17) is their squares. An output that is not named is not
-        measured: it adds no information, and data of it are left out.
+    noise : mapping of output name to float or Noise, or NoiseModel, optional
+        The sensor noise, SI units: a number is the standard deviation of white noise; R of (17) is their squares. An output that is
+        not named is not measured: it adds no information, and data of it are left out.
     rule : TensorGrid, GaussHermite, SparseGaussHermite, Sobol, Unscented or LinearizedRule
         How expectations over the prior are taken. Default: `SparseGaussHermite(2)`; the paper's cells are `TensorGrid()`.
     output_covariance : {"noise", "region", "pooled", "pointwise"}, optional
@@ -98,7 +101,7 @@ class DesignProblem(InNotebooks):
     prior: GaussianPrior
     region: ExperimentRegion | RunRegion | None
     _: KW_ONLY
-    noise: Mapping[str, float] | None = None
+    noise: Mapping[str, float | Noise] | NoiseModel | None = None
     rule: Rule = DEFAULT_RULE
     output_covariance: str | None = None
     parameters: Sequence[str] | None = None
@@ -137,10 +140,7 @@ class DesignProblem(InNotebooks):
             bounds = [self.region.bounds[quantity.name] for quantity in self.model.states]
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
         if self.noise is not None:
-            outputs = names_of(self.model.outputs)
-            set_field(self, "noise", by_name(self.noise, outputs, "noise", as_std))
-            if not self.noise:
-                raise ValueError(f"noise: expected at least one of {listed(outputs)}; given none")
+            set_field(self, "noise", checked_noise(self.noise, names_of(self.model.outputs)))
         given = everything if self.parameters is None else self.parameters
         set_field(self, "parameters", some_names_among(given, everything, "parameters"))
         limits = () if self.along is None else (self.along,) if isinstance(self.along, str) else self.along
@@ -155,6 +155,18 @@ class DesignProblem(InNotebooks):
         if self.output_covariance == "region" and of != "point":
             given_region = "None" if of is None else "one of runs"
             raise ValueError(f"region: expected a region of points for output_covariance='region', given {given_region}")
+        self.check_weighs(str(self.output_covariance))
+
+    def check_weighs(self, kind: str) -> None:
+        """Raise where D of this kind, or what is drawn anew, does not go with the noise."""
+        if self.sensors is None or self.sensors.white:
+            return
+        white = "noise: expected white noise of constant standard deviations for"
+        given = "given noise that grows, has a memory, a resolution or limits, or is correlated"
+        if kind != "noise":
+            raise ValueError(f"{white} output_covariance={kind!r}, {given}")
+        if self.assumed is not None and self.assumed_covariance != "tangents":
+            raise ValueError(f"{white} assumed_covariance='predictive', {given}")
 
     def _in_notebook(self) -> Report:
         return Report(f"Design problem for {self.model.name}", problem_sections(self))
@@ -285,7 +297,7 @@ class DesignProblem(InNotebooks):
     def largest_sensitivity(self) -> Array:
         """Largest standardised sensitivity of each output (n_y, 1): a point with a larger one is rejected, as its information would
         overflow."""
-        given = self.noise or {}
+        given = nominal_std(self.noise)
         noise = [min(1.0, given.get(name, 1.0)) for name in names_of(self.model.outputs)]
         return _read_only(LARGEST_SENSITIVITY * np.array(noise)[:, None])
 
@@ -304,14 +316,37 @@ class DesignProblem(InNotebooks):
     @cached_property
     def measured(self) -> NDArray[np.bool_]:
         """Which outputs are measured, (n_y,): those that `noise` names, and all where it is not given."""
-        return np.array([self.noise is None or name in self.noise for name in names_of(self.model.outputs)])
+        return np.array([self.noise is None or name in outputs_of(self.noise) for name in names_of(self.model.outputs)])
+
+    @cached_property
+    def sensors(self) -> Sensors | None:
+        """The sensors as arrays; None where the noise is not known."""
+        return None if self.noise is None else Sensors.of(self.noise, names_of(self.model.outputs))
+
+    def white_rows(
+        self, scaled: Array, moved: Array | None, times: Array, y: Array, measured: NDArray[np.bool_], status: IntArray
+    ) -> tuple[Array, IntArray]:
+        """Rows (K, N, n_y, p) that R whitens, whatever the noise is, and statuses (K,): see `Sensors.rows`."""
+        if self.sensors is None:
+            raise ValueError("noise: expected the sensor noise, given none")
+        ok = (status == Status.ok)[:, None, None]
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
+            there = measured & ok
+            moved = None if moved is None else np.where(there[..., None], moved, 0.0)
+            rows = self.sensors.rows(scaled, moved, times, np.where(there, y, 0.0), there)
+            rows *= np.sqrt(np.diag(self.noise_covariance))[:, None]
+        return rows, only_finite(status, rows)
 
     @cached_property
     def noise_covariance(self) -> Array:
-        """R of (17), (n_y, n_y); zero where the noise is not known, and 1 of an output that is not `measured`, which has none."""
+        """R of (17), (n_y, n_y); zero where the noise is not known, and 1 of an output that is not `measured`, which has none.
+
+        Of noise that is more than white R is what it has where the outputs are zero; the rows of `white_rows` go with it.
+        """
         if self.noise is None:
             return _read_only(np.zeros((len(self.model.outputs), len(self.model.outputs))))
-        return _read_only(np.diag(np.square([self.noise.get(name, 1.0) for name in names_of(self.model.outputs)])))
+        given = nominal_std(self.noise)
+        return _read_only(np.diag(np.square([given.get(name, 1.0) for name in names_of(self.model.outputs)])))
 
 
 def _read_only(array: Array) -> Array:

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from ..basics.quantity import Quantity
 from ..models import Model
+from ..noise.models import Noise, NoiseModel, NoiseOf, outputs_of
 from ..points.region import ExperimentRegion
 from ..points.run_region import RunRegion
 from ..prior.gaussian import GaussianPrior
@@ -27,7 +28,7 @@ class ProblemFacts(Protocol):
     @property
     def estimated(self) -> tuple[str, ...]: ...
     @property
-    def noise(self) -> Mapping[str, float] | None: ...
+    def noise(self) -> NoiseOf | None: ...
     @property
     def uncertain(self) -> Mapping[str, float] | None: ...
     @property
@@ -57,8 +58,8 @@ def problem_sections(problem: ProblemFacts) -> list[Section]:
         ("inputs", _listed(model.inputs)),
         ("outputs", _listed(model.outputs)),
         ("parameters to estimate", ", ".join(problem.estimated)),
-        ("sensor noise, one std", _numbers(problem.noise, model.outputs)),
-        ("not measured", ", ".join(q.name for q in model.outputs if problem.noise and q.name not in problem.noise)),
+        ("sensor noise, one std", noise_in_words(problem.noise, model.outputs)),
+        ("not measured", ", ".join(q.name for q in model.outputs if problem.noise and q.name not in outputs_of(problem.noise))),
         ("uncertain constants, one std", _numbers(problem.uncertain)),
         ("drawn anew in each point or run, one std", _numbers(problem.varies)),
         ("uncertain starts, one std", _numbers(problem.initial_state_std, model.states)),
@@ -70,6 +71,28 @@ def problem_sections(problem: ProblemFacts) -> list[Section]:
     ]
     sections = [Section("Problem", (), [fact for fact in facts if fact[1]]), prior_section(problem.prior, model.parameters)]
     return [*sections, *_region(problem)]
+
+
+def noise_in_words(noise: NoiseOf | None, outputs: Iterable[Quantity]) -> str:
+    """The noise of each output that is measured, and correlations."""
+    units = {quantity.name: quantity.unit for quantity in outputs}
+    given = {} if noise is None else outputs_of(noise)
+    texts = [f"{name} {_of_output(one, units.get(name, ''))}".rstrip() for name, one in given.items()]
+    if isinstance(noise, NoiseModel):
+        texts += [f"correlation of {pair} {number(value)}" for pair, value in (noise.correlation or {}).items()]
+    return ", ".join(texts)
+
+
+def _of_output(noise: float | Noise, unit: str) -> str:
+    if not isinstance(noise, Noise):
+        return f"{number(noise)} {unit}"
+    parts = [f"{number(noise.std)} {unit}"] if noise.std else []
+    parts += [f"{number(100 * noise.relative)} % of its value"] if noise.relative else []
+    parts += [f"{number(one.std)} {unit} correlated over {number(one.correlation_time)} s" for one in noise.parts]
+    parts += [f"steps of {number(noise.resolution)} {unit}"] if noise.resolution else []
+    for word, limit in zip(("shows at least", "shows at most"), noise.limits, strict=True):
+        parts += [] if limit is None else [f"{word} {number(limit)} {unit}"]
+    return " and ".join(part.rstrip() for part in parts)
 
 
 def prior_section(prior: GaussianPrior, parameters: Iterable[Quantity]) -> Section:

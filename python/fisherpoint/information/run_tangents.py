@@ -1,9 +1,10 @@
 """The sensitivities of runs, and their rows as the Fisher matrix takes them.
 
-F of a run is the sum over its samples, as long as only the sensor noise moves them. What is drawn anew in each run, its start and
-what `varies`, moves all its samples at once: with H their tangents by it and P its squared standard deviations, the covariance of
-what a run measures is one matrix, R_k = I x R + H P H^T, and F = J^T R_k^-1 J. Here each sample has rows such that F
-is a sum over samples again: J is multiplied by (I x R)^1/2 R_k^-1/2, so that D = R whitens them as it does those of points.
+F of a run is the sum over its samples, as long as only white sensor noise moves them; `noise.sensors` has the rows of other noise.
+What is drawn anew in each run, its start and what `varies`, moves all its samples at once: with H their tangents by it and P its
+squared standard deviations, the covariance of what a run measures is one matrix, R_k = I x R + H P H^T, and F = J^T R_k^-1 J. Here
+each sample has rows such that F is a sum over samples again: J is multiplied by (I x R)^1/2 R_k^-1/2, so that D = R whitens them as
+it does those of points.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ class RunTangents(NamedTuple):
     runs: Runs
     theta: Array
     x: Array
+    y: Array  # (K, N, n_y)
     dx: Array  # (K, N, n_x, q), or none
     dy: Array  # (K, N, n_y, q)
     status: IntArray
@@ -59,10 +61,14 @@ class RunTangents(NamedTuple):
         there = there[..., None]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             scaled = np.where(there, problem.standardised(self.dy), 0.0)
-            status = only_finite(self.status, scaled)
+            status, moved = only_finite(self.status, scaled), None
             if assumed is not None and assumed.columns:
                 moved = np.where(there, self.dy[..., assumed.columns] * assumed.std, 0.0)
                 status = only_finite(status, moved)
+            if problem.sensors is not None and not problem.sensors.white:
+                times = np.cumsum(self.runs.dt, axis=1)
+                scaled, status = problem.white_rows(scaled, moved, times, self.y, there[..., 0], status)
+            elif moved is not None:
                 noise = np.sqrt(np.diag(problem.noise_covariance))[:, None]
                 rows, by = ((array / noise).reshape(len(array), -1, array.shape[3]) for array in (scaled, moved))
                 scaled = noise * CommonError.of(by).whitened(rows).reshape(scaled.shape)
@@ -78,7 +84,7 @@ def run_tangents(
     model, values = _extended(problem, theta)
     result = checked_run_sensitivities(model, runs, values, settings, outputs_alone=outputs_alone)
     theta = np.broadcast_to(values, (len(runs), values.shape[-1]))
-    return RunTangents(runs, theta, result.x, result.dx_dtheta, result.dy_dtheta, result.status)
+    return RunTangents(runs, theta, result.x, result.y, result.dx_dtheta, result.dy_dtheta, result.status)
 
 
 def tangents_from(
@@ -95,12 +101,12 @@ def tangents_from(
     n = runs.dt.shape[1]
     first = np.minimum(runs.first_difference(base.runs, own), n - 1)
     whole = (first == 0) | (runs.controlled if runs.rests is not None else False)  # how these start, base.dx may not have all of
-    x, dx, dy, status = base.x[own], base.dx[own], base.dy[own], base.status[own]
+    x, y, dx, dy, status = base.x[own], base.y[own], base.dx[own], base.dy[own], base.status[own]
     if model.latches:  # what they remember at a sample is not kept
         whole = np.ones_like(whole)
     if whole.any():
         done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)
-        x[whole], dy[whole], status[whole] = done.x, done.dy_dtheta, done.status
+        x[whole], y[whole], dy[whole], status[whole] = done.x, done.y, done.dy_dtheta, done.status
         if not outputs_alone:
             dx[whole] = done.dx_dtheta
     rest = np.flatnonzero(~whole)
@@ -113,14 +119,15 @@ def tangents_from(
         measured = there & runs.measured[lanes, source]
         x0 = model.at(x[rest, from_segment], np.cumsum(runs.dt[rest], axis=1)[np.arange(len(rest)), from_segment - 1])
         s = base.dx[own[rest], from_segment - 1]
-        new_x, _, new_dx, new_dy, status[rest], _ = model.kernels.run_sensitivities(
+        new_x, new_y, new_dx, new_dy, status[rest], _ = model.kernels.run_sensitivities(
             model.core, x0, runs.u[lanes, source], dt, values[rest], *settings, measured=measured, s=s, outputs_alone=outputs_alone
         )
         k, m = np.nonzero(there)
         x[rest[k], source[k, m] + 1], dy[rest[k], source[k, m]] = new_x[k, m + 1], new_dy[k, m]
+        y[rest[k], source[k, m]] = new_y[k, m]
         if not outputs_alone:
             dx[rest[k], source[k, m]] = new_dx[k, m]
-    return RunTangents(runs, values, x, dx, dy, status)
+    return RunTangents(runs, values, x, y, dx, dy, status)
 
 
 def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
@@ -126,7 +126,7 @@ class Noise:
         return float((self.std**2 + sum(one.std**2 for one in self.parts)) ** 0.5)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class NoiseModel:
     """The noise of several outputs whose white parts are correlated.
 
@@ -188,7 +188,7 @@ class NoiseModel:
         return found
 
 
-NoiseOf = Mapping[str, "float | Noise"] | NoiseModel
+NoiseOf = Mapping[str, float | Noise] | NoiseModel
 """What functions take as the noise of the sensors."""
 
 
@@ -199,7 +199,14 @@ def as_noise(value: Any, name: str) -> float | Noise:
     return as_std(value, name)
 
 
-def checked_noise(given: Any, outputs: Sequence[str], label: str = "noise") -> NoiseOf:
+def as_noise_or_zero(value: Any, name: str) -> float | Noise:
+    """As `as_noise`, or 0 of a sensor without noise."""
+    return as_noise(value, name) if isinstance(value, Noise) else as_std_or_zero(value, name)
+
+
+def checked_noise(
+    given: Any, outputs: Sequence[str], check: Callable[[Any, str], float | Noise] = as_noise, label: str = "noise"
+) -> NoiseOf:
     """Return the noise of the `outputs` of a model, in their order; a mapping where none are correlated.
 
     Raises
@@ -208,7 +215,7 @@ def checked_noise(given: Any, outputs: Sequence[str], label: str = "noise") -> N
         For unknown names, where no output is measured, and for what is no noise.
     """
     correlation = given.correlation if isinstance(given, NoiseModel) else None
-    found = by_name(given.outputs if isinstance(given, NoiseModel) else given, outputs, label, as_noise)
+    found = by_name(given.outputs if isinstance(given, NoiseModel) else given, outputs, label, check)
     if not found:
         raise ValueError(f"{label}: expected at least one of {listed(outputs)}; given none")
     return NoiseModel(found, correlation=correlation) if correlation and any(correlation.values()) else found

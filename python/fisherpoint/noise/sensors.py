@@ -224,4 +224,8 @@ def _beside_common(j: Array, moved: Array) -> Array:
 
 def _noise_of(given: Mapping[str, float | Noise], name: str) -> Noise:
     one = given.get(name, 1.0)
-    return one if isinstance(one, Noise) else Noise(one)
+    if isinstance(one, Noise):
+        return one
+    found = Noise(1.0)
+    object.__setattr__(found, "std", one)  # which may be zero: of a simulated sensor
+    return found

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from time import perf_counter
 from typing import Any
 
-from ..basics.checks import as_std, by_name, check_flag, check_positive_int, check_type
+from ..basics.checks import check_flag, check_positive_int, check_type
 from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
@@ -14,6 +14,7 @@ from ..design.compare.compare import named_designs
 from ..engine.workers import Distributor, Workers, distributed_over
 from ..information.problem import DesignProblem
 from ..models import Model
+from ..noise.models import checked_noise, white_alone
 from ..points.runs import Points
 from ..points.settings import check_threads
 from ..points.status import NoTrajectory
@@ -215,7 +216,5 @@ def _measured_noise(problem: DesignProblem, given: Mapping[str, float] | None) -
     if given is None and problem.noise is None:
         raise ValueError("noise: expected the sensor noise, which the problem does not have either; given none")
     outputs = names_of(problem.model.outputs)
-    stds = by_name(problem.noise if given is None else given, outputs, "noise", as_std)
-    if not stds:
-        raise ValueError(f"noise: expected at least one of {listed(outputs)}; given none")
-    return dict(stds)
+    noise = checked_noise(problem.noise if given is None else given, outputs)
+    return dict(white_alone(noise, "noise", "of fits"))

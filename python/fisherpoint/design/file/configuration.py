@@ -24,6 +24,7 @@ from ...basics.toml_mistakes import MOST_LINES, ConfigError, describe, fail_of, 
 from ...basics.toml_reader import read_toml
 from ...information.problem import DesignProblem
 from ...models.toml_to_model import ModelFile
+from ...noise.models import Noise, NoiseModel, NoiseOf
 from ...points.experiments import Experiments
 from ...points.region import ExperimentRegion
 from ...points.run_region import RunRegion
@@ -41,6 +42,7 @@ from .configuration_tables import (
     CostTable,
     DesignTable,
     GoalTable,
+    NoiseEntry,
     PriorEntry,
     ProblemKeys,
     RegionTable,
@@ -62,7 +64,8 @@ class Config(ModelFile):
 
     prior: dict[str, PriorEntry]
     prior_correlation: dict[str, Correlation] = Field(default_factory=dict)
-    noise: dict[str, Std] | None = None
+    noise: dict[str, NoiseEntry] | None = None
+    noise_correlation: dict[str, Correlation] = Field(default_factory=dict)
     uncertain: dict[str, Std] = Field(default_factory=dict)
     varies: dict[str, Std] = Field(default_factory=dict)
     initial_state_std: dict[str, Std] = Field(default_factory=dict)
@@ -120,13 +123,24 @@ class Config(ModelFile):
                 model,
                 prior,
                 region,
-                noise=None if self.noise is None else stds(self.noise, model.outputs),
+                noise=self._build_noise(),
                 rule=rule,
                 uncertain=uncertain,
                 varies=varies,
                 initial_state_std=stds(self.initial_state_std, model.states),
                 **self.design.model_dump(include=_PROBLEM_KEYS, exclude_none=True),
             )
+
+    def _build_noise(self) -> NoiseOf | None:
+        units = {quantity.name: quantity.unit for quantity in self.build_model().outputs}
+        built: dict[str, float | Noise] = {}
+        for name, entry in (self.noise or {}).items():
+            with self._names_key(f"noise.{name}"):
+                built[name] = entry.build(units[name])
+        if not self.noise_correlation:
+            return built or None
+        with self._names_key("noise_correlation"):
+            return NoiseModel(built, correlation=self.noise_correlation)
 
     def _build_rule(self) -> Rule:
         with self._names_key("rule"):
@@ -148,7 +162,7 @@ class Config(ModelFile):
     def _check_values(self) -> None:
         """Raise what the library refuses, of all tables together."""
         lines: list[str] = []
-        for build in (self.build_prior, self._build_rule, self._region, self.exchange_settings, self.build_cost):
+        for build in (self.build_prior, self._build_noise, self._build_rule, self._region, self.exchange_settings, self.build_cost):
             try:
                 build()
             except ConfigError as error:
@@ -279,6 +293,8 @@ def _in_file(key: str, message: str) -> str:
             return f"{key}.{entry}: {said}"
         if key == "prior" and entry:
             return f"{key}.{entry}.{name}: {said}"
+        if key.startswith("noise.") and name in NoiseEntry.model_fields:
+            return f"{key}.{name}: {said}"
         if key in _TABLES and name in _TABLES[key].model_fields:
             return f"{key}.{name}{f'.{entry}' if entry else ''}: {said}"
     return f"{key}: {message}"

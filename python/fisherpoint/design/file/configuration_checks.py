@@ -13,11 +13,11 @@ from ...basics.toml_mistakes import choices, toml
 from ...basics.toml_tables import missing_entries, missing_names, wrong_entries, wrong_names
 from ...data.measurement_files import column_names
 from ...models import Model
-from .configuration_tables import BoundsEntry, PriorEntry, RegionTable, Std
+from .configuration_tables import BoundsEntry, NoiseEntry, PriorEntry, RegionTable, Std
 
 ENTRIES: Mapping[str, type[BaseModel]] = {
     "prior": PriorEntry,
-    "noise": Std,
+    "noise": NoiseEntry,
     "uncertain": Std,
     "varies": Std,
     "initial_state_std": Std,
@@ -56,11 +56,13 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
     design, campaign, rule = (tables.get(name) for name in ("design", "campaign", "rule"))
     if (prior := tables.get("prior")) is not None:
         yield from wrong_entries("prior", _units(prior), model.parameters, missing="{mean = ..., std = ... or relative_std = ...}")
-    yield from _wrong_pairs(tables.get("prior_correlation") or {}, parameters)
+    yield from _wrong_pairs("prior_correlation", tables.get("prior_correlation") or {}, parameters, "parameters")
     if (noise := tables.get("noise")) is not None:
         yield from wrong_entries("noise", _units(noise), model.outputs)
         if not noise:
             yield f"noise: expected at least one of {listed(names_of(model.outputs))}, given none"
+        outputs = [name for name in names_of(model.outputs) if name in noise]
+        yield from _wrong_pairs("noise_correlation", tables.get("noise_correlation") or {}, outputs, "outputs of [noise]")
     elif "noise" in tables and design is not None and design.output_covariance == "noise":
         yield 'design.output_covariance: expected a table [noise] with "noise", given none'
     yield from _wrong_bounds(tables.get("region"), model)
@@ -108,19 +110,19 @@ def _units(table: Mapping[str, Any]) -> dict[str, str | None]:
     return {name: getattr(entry, "unit", None) for name, entry in table.items()}
 
 
-def _wrong_pairs(given: Mapping[str, float], parameters: list[str]) -> Iterator[str]:
+def _wrong_pairs(table: str, given: Mapping[str, float], known: list[str], what: str) -> Iterator[str]:
     seen = set()
     for key in given:
         names = pair_of(key)
         if len(names) != 2 or names[0] == names[1]:
-            yield f'prior_correlation."{key}": expected two parameters, as in "{", ".join(parameters[-2:])}"'
+            yield f'{table}."{key}": expected two {what}, as in "{", ".join(known[-2:])}"'
             continue
-        yield from wrong_names("prior_correlation", names, parameters)
+        yield from wrong_names(table, names, known)
         if frozenset(names) in seen:
-            yield f'prior_correlation."{", ".join(names)}": expected each pair once, given twice'
+            yield f'{table}."{", ".join(names)}": expected each pair once, given twice'
         seen.add(frozenset(names))
 
 
 def pair_of(key: str) -> list[str]:
-    """The parameters that a key of [prior_correlation] names."""
+    """The names in a key of [prior_correlation] or [noise_correlation]."""
     return [name.strip() for name in key.split(",")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, ConfigDict, Field, create_model, field_validator, model_validator
@@ -17,6 +18,7 @@ from ...basics.toml_mistakes import fail, toml
 from ...basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
 from ...basics.units import convert_unit, same_zero
 from ...models import Model
+from ...noise.models import GaussMarkov, Noise
 from ...points.rest import Rest
 from ...points.settings import COARSEST, FINEST
 from ...prior.gaussian import MOST_RELATIVE_STD
@@ -38,6 +40,44 @@ def stds(table: Mapping[str, Std], quantities: Iterable[Quantity]) -> dict[str, 
     """Standard deviations in the units of the quantities."""
     units = {quantity.name: quantity.unit for quantity in quantities}
     return {name: convert_unit(entry.value, entry.unit or units[name], units[name], width=True) for name, entry in table.items()}
+
+
+class ColoredEntry(Table):
+    """A part of the noise with a memory."""
+
+    std: Positive
+    correlation_time: Positive
+
+
+class NoiseEntry(Abbreviated):
+    """The noise of one output: a standard deviation, or a table."""
+
+    bare, expected = (int, float), "a number or {std = ..., ...}"
+
+    std: NotNegative = 0.0
+    unit: str | None = None
+    relative: NotNegative = 0.0
+    colored: list[ColoredEntry] = Field(default_factory=list)
+    resolution: NotNegative = 0.0
+    limits: list[float] | None = None
+
+    @field_validator("colored", mode="before")
+    @classmethod
+    def _one_or_more(cls, given: Any) -> Any:
+        return [given] if isinstance(given, dict) else given
+
+    def build(self, unit: str) -> Noise:
+        """The noise in the unit of its output."""
+        given = self.unit or unit
+        colored = [GaussMarkov(convert_unit(one.std, given, unit, width=True), one.correlation_time) for one in self.colored]
+        limits = [convert_unit(one, given, unit) if isfinite(one) else None for one in self.limits or (-inf, inf)]
+        return Noise(
+            convert_unit(self.std, given, unit, width=True),
+            relative=self.relative,
+            colored=colored,
+            resolution=convert_unit(self.resolution, given, unit, width=True),
+            limits=tuple(limits),  # type: ignore[arg-type]  # which says how many there must be
+        )
 
 
 class PriorEntry(Table):

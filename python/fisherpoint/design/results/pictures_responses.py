@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...basics.quantity import Quantity
 from ...information.problem import DesignProblem
+from ...noise.models import nominal_std
 from ...points.experiments import Experiments
 from ...points.simulate import simulate
 from ...points.status import Status
@@ -63,7 +64,8 @@ def plot_responses(design: EvaluatedPoints) -> Figure:
     along, sampled = curve[:, column], points.table[:, column]
     expected, at_points = _outputs(problem, curve), _outputs(problem, points.table)
     factor = along_axis.factor
-    stds = [(problem.noise or {}).get(output.name, 0.0) for output in model.outputs]
+    nominal = nominal_std(problem.noise)
+    stds = [nominal.get(output.name, 0.0) for output in model.outputs]
 
     with mpl.rc_context(STYLE):
         figure = Picture(figsize=(7.0, 0.6 + 2.9 * len(model.outputs)), layout="constrained")

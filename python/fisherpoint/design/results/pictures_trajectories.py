@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...basics.quantity import Quantity
 from ...information.draws import drawn_from_prior
 from ...information.problem import DesignProblem
+from ...noise.models import nominal_std
 from ...points.experiments import Experiments
 from ...show.style import NOISE, STYLE, TEXT, Picture, labelled, said, scale, show_under_mouse
 from ...show.time_axes import begin, duration, is_fast, make_logarithmic
@@ -68,7 +69,7 @@ def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int
     theta, _ = drawn_from_prior(design.problem, plants, np.random.default_rng(seed))
     lines = _rows(design.problem, points, theta)
     starts = _at_once(design.problem, points)
-    noise = design.problem.noise
+    noise = nominal_std(design.problem.noise)
     one_unit = len({line.unit for line in lines}) == 1 and not any(line.is_log for line in lines)
 
     with mpl.rc_context({**STYLE, "font.size": 8.0}):
@@ -77,7 +78,7 @@ def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int
         grid, titles = figure.subplots(len(points), len(model.outputs), squeeze=False), []
         handles: dict[str, Any] = {}
         for j, output in enumerate(model.outputs):
-            std = (noise or {}).get(output.name, 0.0)
+            std = noise.get(output.name, 0.0)
             factor, unit = scale(output, np.concatenate([[std], *(row.mean[:, j] for row in lines)]))
             titles.append(labelled(output.name, unit))
             for axes, row, group, start, dt in zip(grid[:, j], lines, groups, starts, points.dt, strict=True):
