@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -258,3 +259,19 @@ def test_mistakes_in_files_name_their_key(old: str, new: str, line: str, tmp_pat
 def test_misuse_is_one_line(make: Any, message: str) -> None:
     with pytest.raises((ValueError, TypeError), match=message):
         make()
+
+
+@pytest.mark.parametrize("noise", [KINDS["memory"], KINDS["grows and has a memory"]])
+def test_samples_are_chosen_by_what_they_inform_together(noise: Any) -> None:
+    """No other sample in the place of one of them is better, for the inputs that were found."""
+    region = fp.RunRegion({"a": 1.0, "b": 0.5, "u": (0.0, 2.0), "dt": 0.2}, segments=8, samples=3, levels={"u": [0.0, 2.0]})
+    given = problem(noise=noise, region=region)
+    found = fp.design_runs(given, 1, n_starts=1, time_limit=3)
+    chosen, best = found.runs.measured[0], found.evaluation.log_det
+    assert chosen.sum() == 3
+    values = []
+    for three in combinations(range(8), 3):
+        flags = np.zeros((1, 8), dtype=bool)
+        flags[0, list(three)] = True
+        values.append(fp.evaluate(given, fp.Runs(found.runs.x0, found.runs.u, found.runs.dt, measured=flags)).log_det)
+    assert best > max(values) - 0.05

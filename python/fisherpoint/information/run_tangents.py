@@ -54,6 +54,11 @@ class RunTangents(NamedTuple):
     dy: Array  # (K, N, n_y, q)
     status: IntArray
 
+    def some(self, rows: NDArray[np.intp]) -> RunTangents:
+        """Those of some of the runs."""
+        x, y, dy, status = self.x[rows], self.y[rows], self.dy[rows], self.status[rows]
+        return RunTangents(self.runs[rows], self.theta[rows], x, y, self.dx[rows] if len(self.dx) else self.dx, dy, status)
+
     def rows(self, problem: DesignProblem, informative: NDArray[np.bool_] | None = None) -> RunRows:
         """The rows as the Fisher matrix takes them; outputs not `informative` (K, N, n_y), or not measured, have no weight."""
         assumed = problem.assumed

@@ -157,6 +157,14 @@ class RunObjective:
         f = information_matrices(self.problem, sensitivity.reshape(-1, 1, *sensitivity.shape[2:]))
         return np.moveaxis(f.reshape(len(self.plants), *runs.dt.shape, *f.shape[1:]), 0, 2)
 
+    def chosen_matrices(self, tangents: RunTangents, run: int, count: int, flags: NDArray[np.bool_]) -> Array:
+        """F (T, R, p, p) of one of `count` runs, whose tangents are given, where it measures samples `flags` (T, N) alone."""
+        lanes = np.tile(run + count * np.arange(len(self.plants)), len(flags))
+        informative = np.repeat(flags, len(self.plants), axis=0)[..., None]
+        rows = tangents.some(lanes).rows(self.problem, informative)
+        f = information_matrices(self.problem, rows.sensitivity)
+        return f.reshape(len(flags), len(self.plants), *f.shape[1:])
+
     def averages(self, total: Array) -> Array:
         """The average over the plants of log det of F (..., R, p, p), or of another criterion in its form.
 

@@ -18,6 +18,9 @@ def best_samples(objective: RunObjective, runs: Runs, count: int) -> NDArray[np.
     order = np.argsort(np.where(allowed, -weights, np.inf), axis=1, kind="stable")
     chosen = np.zeros(shape, dtype=bool)
     np.put_along_axis(chosen, order[:, :count], True, axis=1)
+    sensors = objective.problem.sensors
+    if sensors is not None and not sensors.independent:
+        return _exchanged_anew(objective, runs, chosen)
     total = f[chosen].sum(axis=0) + objective.previous
     value = float(objective.averages(total))
     for _ in range(objective.tuning.most_sample_exchanges):
@@ -36,6 +39,36 @@ def best_samples(objective: RunObjective, runs: Runs, count: int) -> NDArray[np.
         value = best
         total = total - f[run, leaving] + f[run, entering]
         chosen[run, leaving], chosen[run, entering] = False, True
+    return chosen
+
+
+def _exchanged_anew(objective: RunObjective, runs: Runs, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The choice after exchanges, where the noise of samples depends on that of others: F of each choice is computed anew.
+
+    The sample that leaves is the one without which most is left; what enters is the best beside the others.
+    """
+    tangents, count = objective.tangents(runs), len(runs)
+    each = np.stack([objective.chosen_matrices(tangents, run, count, chosen[run : run + 1])[0] for run in range(count)])
+    value, run, unchanged = float(objective.averages(each.sum(axis=0) + objective.previous)), 0, 0
+    for _ in range(objective.tuning.most_sample_exchanges):
+        others = each.sum(axis=0) - each[run] + objective.previous
+
+        def best(flags: NDArray[np.bool_], run: int = run, others: Array = others) -> tuple[float, NDArray[np.bool_], Array]:
+            f = objective.chosen_matrices(tangents, run, count, flags)
+            values = objective.averages(others + f)
+            k = int(np.argmax(values))
+            return float(values[k]), flags[k], f[k]
+
+        inside, outside = np.flatnonzero(chosen[run]), np.flatnonzero(runs.measured[run] & ~chosen[run])
+        unchanged += 1
+        if len(outside):
+            _, left, _ = best(chosen[run] & ~np.eye(chosen.shape[1], dtype=bool)[inside])
+            found, flags, f = best(left | np.eye(chosen.shape[1], dtype=bool)[outside])
+            if found > value + 1e-9:
+                value, chosen[run], each[run], unchanged = found, flags, f, 0
+        if unchanged == count:
+            break
+        run = (run + (unchanged > 0)) % count
     return chosen
 
 
