@@ -13,7 +13,7 @@ import fisherpoint as fp
 
 from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Columns, Noise, Output, framed
+from .options import Columns, NoiseInFits, Output, framed
 from .standard_input import from_standard_input, one_from_standard_input
 from .workers import opened
 
@@ -44,7 +44,7 @@ def estimate(
     ],
     column: Columns = None,
     noise: Annotated[
-        Noise | None, typer.Option(help="Known: \\[noise]; estimated: from the residuals. Default: known if the file has it.")
+        NoiseInFits | None, typer.Option(help="Known: \\[noise]; estimated: from the residuals. Default: known if the file has it.")
     ] = None,
     no_prior: Annotated[
         bool,
@@ -72,9 +72,9 @@ def estimate(
         from .written_results import write_shown
     config = read_config(file)
     problem = config.problem()
-    if noise is Noise.known and problem.noise is None:
+    if noise is NoiseInFits.known and problem.noise is None:
         raise config.error("noise", "missing; expected the noise of every measured output with --noise known")
-    known = problem.noise is not None and noise is not Noise.estimated
+    known = problem.noise is not None and noise is not NoiseInFits.estimated
     for path in (path for k, path in enumerate(data) if path.resolve() in [other.resolve() for other in data[:k]]):
         raise ConfigError(f"DATA.csv: expected each file once, given {path} twice")
     files = DataFiles(config, column, data)

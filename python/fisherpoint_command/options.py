@@ -74,7 +74,7 @@ Designs = Annotated[
 ]
 
 
-class Noise(StrEnum):
+class NoiseInFits(StrEnum):
     """Whether the file's [noise] counts, or the noise is estimated from the residuals."""
 
     known = "known"

@@ -13,7 +13,7 @@ import fisherpoint as fp
 
 from .frame import Frame, Outcome, Task
 from .importing import importing
-from .options import Designs, Noise, Output, framed
+from .options import Designs, NoiseInFits, Output, framed
 from .standard_input import one_from_standard_input
 from .workers import opened
 
@@ -43,7 +43,7 @@ def validate(
         int, typer.Option("-n", "--runs", min=1, max=10**6, metavar="N", help="Virtual experiments with each design.")
     ] = 1000,
     theta: Annotated[Truth, typer.Option(help="True parameters: drawn from the prior for each run, or its mean.")] = Truth.prior,
-    noise: Annotated[Noise, typer.Option(help="Whether the fits know \\[noise] or estimate it.")] = Noise.known,
+    noise: Annotated[NoiseInFits, typer.Option(help="Whether the fits know \\[noise] or estimate it.")] = NoiseInFits.known,
     use_prior: Annotated[bool, typer.Option("--use-prior", help="Use the prior in the fits and in the promise.")] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
 ) -> int:
@@ -81,7 +81,7 @@ def validate(
                 runs=runs,
                 theta=theta.value,
                 seed=seed,
-                noise_known=noise is Noise.known,
+                noise_known=noise is NoiseInFits.known,
                 use_prior=use_prior,
                 threads=frame.threads,
                 workers=workers,

@@ -83,6 +83,16 @@ def model_cases() -> dict[str, Case]:
         ),
         "load_model": case(fp.load_model, path=(files() / "model.toml", TEXT, PATH)),
         "Quantity": case(fp.Quantity, name=("h", TEXT), unit=("m", TEXT), description=("level", TEXT), scale=(1.0, NUMBER, NONE)),
+        "Noise": case(
+            fp.Noise,
+            std=(0.1, NUMBER),
+            relative=(0.1, NUMBER),
+            colored=(fp.GaussMarkov(0.1, 1.0), NONE),
+            resolution=(0.1, NUMBER),
+        ),
+        "Noise limits": case(lambda limits: fp.Noise(0.1, limits=limits), limits=((0.0, 1.0), ARRAY)),
+        "GaussMarkov": case(fp.GaussMarkov, std=(0.1, NUMBER), correlation_time=(0.1, NUMBER)),
+        "NoiseModel": case(fp.NoiseModel, outputs=({"a": 0.1, "b": 0.2}, MAP), correlation=({("a", "b"): 0.3}, NONE, MAP)),
         "GaussianPrior": case(fp.GaussianPrior, mean=(THETA,), std=std, log=(["k"], NAMES)),
         "GaussianPrior relative": case(fp.GaussianPrior, mean=(THETA,), relative_std=std),
         "GaussianPrior covariance": case(

@@ -11,7 +11,7 @@ from ..basics.messages import listed, shown
 from ..basics.values import FrozenMapping
 
 MOST_PARTS = 2
-"""Gauss-Markov parts of one output: the sum of more is told from two of them by no record."""
+"""Gauss-Markov parts of one output: no record distinguishes the sum of more from two of them."""
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,7 @@ def rounded_limits(resolution: float, lower: float, upper: float) -> tuple[float
 
 
 def _censored(y: Array, sigma: Array, slope: Array, lower: float, upper: float) -> Array:
-    """Of readings that are not rounded: an integral between the limits, and the two probabilities of showing a limit.
+    """Information of readings that are not rounded: an integral between the limits, and the two probabilities of showing a limit.
 
     `slope` is d sigma / dy.
     """
@@ -91,7 +91,7 @@ def _integral(z: Array, slope: Array) -> Array:
 
 
 def _rounded(y: Array, sigma: Array, slope: Array, q: float, lower: float, upper: float) -> Array:
-    """Of rounded readings: the sum over cells of width q, and the two probabilities of showing a limit."""
+    """Information of rounded readings: the sum over cells of width q, and the two probabilities of showing a limit."""
     limited = bool(np.isfinite(lower) or np.isfinite(upper))
     smallest = float(sigma.min())
     if limited or q >= SPACING * smallest:
