@@ -55,6 +55,16 @@ def of_runs(**changes: Any) -> fp.DesignProblem:
     return problem(region=region, **changes)
 
 
+OTHER_NOISE = fp.NoiseModel(
+    {
+        "y": fp.Noise(0.01, relative=0.01, colored=[fp.GaussMarkov(0.01, 1.0), fp.GaussMarkov(0.02, 0.1)]),
+        "z": fp.Noise(0.02, resolution=0.001),
+    },
+    correlation={("y", "z"): 0.5},
+)
+"""Noise that is not white."""
+
+
 def saved_cases() -> dict[str, Saved]:
     """By a name each."""
     small: dict[str, Any] = {"n_candidates": 5, "max_iterations": 2}
@@ -103,6 +113,7 @@ def saved_cases() -> dict[str, Saved]:
         "design over the prior": directory(over, "design.json"),
         "singular design": directory(singular, "design.json"),
         "design of what is assumed": directory(fp.exchange(assumed, n_experiments=3, **small), "design.json"),
+        "design under other noise": directory(fp.exchange(problem(noise=OTHER_NOISE), n_experiments=3, **small), "design.json"),
         "design of a function": directory(
             fp.exchange(one, n_experiments=3, goal=fp.Goal("c", of="k1 / k2"), **small), "design.json"
         ),

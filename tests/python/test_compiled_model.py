@@ -129,7 +129,7 @@ def validated(points):
     region = fp.ExperimentRegion({"s": (-2, 2), "v": (-1, 3), "u": (-1, 3), "dt": (0.05, 2)})
 
     def found(model, workers=None):
-        problem = fp.DesignProblem(model, prior, region, noise_std={"s": 1e-3, "w": 1e-3})
+        problem = fp.DesignProblem(model, prior, region, noise={"s": 1e-3, "w": 1e-3})
         return dict(digests(fp.validate(problem, points[:12], runs=20, threads=1, workers=workers)))
 
     return found

@@ -75,7 +75,7 @@ def problem_sections(problem: ProblemFacts) -> list[Section]:
 
 def noise_in_words(noise: NoiseOf | None, outputs: Iterable[Quantity]) -> str:
     """The noise of each output that is measured, and correlations."""
-    units = {quantity.name: quantity.unit for quantity in outputs}
+    units = {quantity.name: "" if quantity.unit == "1" else quantity.unit for quantity in outputs}
     given = {} if noise is None else outputs_of(noise)
     texts = [f"{name} {_of_output(one, units.get(name, ''))}".rstrip() for name, one in given.items()]
     if isinstance(noise, NoiseModel):
