@@ -31,7 +31,7 @@ from .fit import Fit
 from .known_noise import KnownNoise
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
 from .observed import Observed, check_outputs
-from .residual_report import ResidualWarning, residual_findings
+from .residual_report import residual_findings
 from .search import (
     MOST_STARTS,
     SAME_MINIMUM,
@@ -187,7 +187,8 @@ def _heard_of(fit: Fit) -> Fit:
     """The fit, after a warning where its residuals are not white."""
     findings = list(residual_findings(fit)) if fit.converged else []
     if findings:
-        warnings.warn("; ".join(findings), ResidualWarning, stacklevel=stacklevel_of_user())
+        message = f"residuals: expected white noise, given others: {'; '.join(findings)}"
+        warnings.warn(message, RuntimeWarning, stacklevel=stacklevel_of_user())
     return fit
 
 

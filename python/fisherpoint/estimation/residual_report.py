@@ -22,10 +22,6 @@ NOTABLE = 1.2
 """Ratio up to which standard errors hardly suffer."""
 
 
-class ResidualWarning(UserWarning):
-    """Of an estimate whose residuals are not white: its standard errors do not hold."""
-
-
 def residual_findings(fit: FitStatistics) -> Iterator[str]:
     """What is wrong with the residuals, each as a sentence; nothing where they may be white noise."""
     correlated = {name: check for name, check in fit.residual_checks.items() if check.memory is not None}
