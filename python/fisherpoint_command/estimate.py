@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -90,18 +91,20 @@ def estimate(
         ]
 
     def compute(_: Drawers) -> Outcome:
-        fit = fp.estimate(
-            problem.model,
-            parts,
-            None if no_prior else problem.prior,
-            start=problem.prior if no_prior else None,
-            parameters=problem.parameters,
-            noise=problem.noise if known else None,
-            # Noise that is estimated has what is drawn anew in it.
-            deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
-            threads=frame.threads,
-            progress=not frame.quiet,
-        )
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "residuals: expected white noise")  # they are in the report
+            fit = fp.estimate(
+                problem.model,
+                parts,
+                None if no_prior else problem.prior,
+                start=problem.prior if no_prior else None,
+                parameters=problem.parameters,
+                noise=problem.noise if known else None,
+                # Noise that is estimated has what is drawn anew in it.
+                deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
+                threads=frame.threads,
+                progress=not frame.quiet,
+            )
         found = list((_profiles(fit, frame) if profiles else {}).values())
         report = fit.report(profiles=found)
 

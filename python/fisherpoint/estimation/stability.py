@@ -186,9 +186,8 @@ def _fitted(fit: FitStatistics, name: str, rows: NDArray[np.bool_]) -> tuple[_Fo
 
     if not count:
         return without("nothing was measured in it")
-    minima = minimise(
-        weighted, np.where(before, 0.0, fit.z)[None], unknowns.lower, unknowns.upper, MOST_EVALUATIONS, accuracy=weighted.accuracy
-    )
+    z0, bounds = np.where(before, 0.0, fit.z)[None], (unknowns.lower, unknowns.upper)
+    minima = minimise(weighted, z0, *bounds, MOST_EVALUATIONS, accuracy=weighted.accuracy)
     end = int(unknowns.ended(minima)[0])
     if end == NOT_EVALUABLE:
         return without("no fit: its trajectories are not ok")
@@ -214,7 +213,7 @@ def _starts_before(fit: FitStatistics, rows: NDArray[np.bool_]) -> NDArray[np.bo
     place = {id(part): int(first) for part, first in zip(fit.data, firsts, strict=False)}
     starts = fit.weighted.observed.starts
     away = [name in starts and not rows[place[id(starts[name][1])]] for name in fit.parameters]
-    return np.array(away, dtype=bool) & fit.precision.determined
+    return np.asarray(np.array(away, dtype=bool) & fit.precision.determined)
 
 
 def _with_starts(fit: FitStatistics, weighted: WeightedResiduals, before: NDArray[np.bool_]) -> WeightedResiduals:
