@@ -96,7 +96,7 @@ def noise(rng: np.random.Generator, count: int, length: int, correlation: float)
 def data_of(case: Case, kind: str, n: int) -> Callable[[Array], fp.Record | fp.Measurements]:
     """Data with given noise: a record, or runs of as many samples in all, each with another beginning of the inputs."""
     if kind == "record":
-        t, u = case.step * np.arange(n), case.inputs(n)
+        t, u = np.asarray(case.step * np.arange(n)), case.inputs(n)
         y = fp.simulate_record(case.model, t, u, case.theta, case.x0).y
         return lambda v: fp.Record(t, u, y + case.std * v.reshape(-1, 1), x0=case.x0)
     length = n // RUNS

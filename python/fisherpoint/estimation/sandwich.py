@@ -94,14 +94,18 @@ def root(covariance: Array) -> Array:
 
 
 def _of_series(e: Array, jacobian: Array, covariance: Array, parts: Sequence[slice]) -> Array:
-    factor = root(covariance)
-    scores = np.empty((len(parts), len(covariance)))
-    for k, part in enumerate(parts):
-        own, r = jacobian[part].reshape(-1, len(covariance)), e[part].ravel()
+    factor, p = root(covariance), len(covariance)
+    firsts, lengths = np.array([part.start for part in parts]), np.array([part.stop - part.start for part in parts])
+    middle = np.zeros((p, p))
+    for length in np.unique(lengths):
+        rows = firsts[lengths == length][:, None] + np.arange(length)
+        own, r = jacobian[rows].reshape(len(rows), -1, p), e[rows].reshape(len(rows), -1, 1)
         left, sizes, _ = np.linalg.svd(own @ factor, full_matrices=False)
         grown = 1 / np.sqrt(np.maximum(1 - np.square(sizes), LEAST_LEFT)) - 1
-        scores[k] = own.T @ (r + left @ (grown * (left.T @ r)))
-    return np.asarray(scores.T @ scores)
+        r = r + left @ (grown[..., None] * (left.transpose(0, 2, 1) @ r))
+        scores = (own * r).sum(axis=1)
+        middle += scores.T @ scores
+    return middle
 
 
 def _of_lags(

@@ -14,7 +14,7 @@ from ..basics.values import Array, FrozenMapping
 from ..show.display import Shown
 from ..show.numbers import counted, number
 from ..show.section import Report, Section
-from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, minimise
+from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, UNNOTICED, minimise
 from .precision import Precision
 from .residual_checks import OFF
 from .statistics import FitStatistics
@@ -191,7 +191,7 @@ def _fitted(fit: FitStatistics, name: str, rows: NDArray[np.bool_]) -> tuple[_Fo
     end = int(unknowns.ended(minima)[0])
     if end == NOT_EVALUABLE:
         return without("no fit: its trajectories are not ok")
-    if end != CONVERGED:
+    if end not in (CONVERGED, UNNOTICED):
         return without(f"no fit: {ENDS[end].words}")
     z = minima.z[0]
     precision = Precision.of(weighted(z[None], np.zeros(1, dtype=np.intp))[1][0], unknowns.held(z))

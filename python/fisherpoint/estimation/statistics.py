@@ -155,19 +155,20 @@ class FitStatistics:
 
     @property
     def robust_standard_errors(self) -> Mapping[str, float]:
-        """Standard errors that do not need the noise to be white, by name, SI units; inf as `standard_errors`.
+        """Standard errors that do not need the noise to be white, by name, SI units; inf as `standard_errors`, and of exact fits.
 
         From the residuals themselves: of many points and runs by their own scores, of few records and runs by Newey and West's
         window after prewhitening. See `fisherpoint.estimation.sandwich`.
         """
         errors = np.sqrt(np.diag(self.robust.covariance)) * np.abs(self.slopes)
-        return self._by_name(np.where(self.precision.determined, errors, np.inf))
+        left = self.degrees_of_freedom >= FEWEST_DEGREES
+        return self._by_name(np.where(self.precision.determined & left, errors, np.inf))
 
     @property
     def too_small(self) -> Mapping[str, float]:
-        """Robust standard errors in multiples of standard errors, by name, of the unknowns that are determined."""
+        """Robust standard errors in multiples of standard errors, by name, of the unknowns of which both are finite."""
         both = zip(self.parameters, self.robust_standard_errors.values(), self.standard_errors.values(), strict=True)
-        return FrozenMapping({name: a / b for name, a, b in both if np.isfinite(b) and b > 0})
+        return FrozenMapping({name: a / b for name, a, b in both if np.isfinite([a, b]).all() and b > 0})
 
     @property
     def rse(self) -> Mapping[str, float]:
