@@ -77,10 +77,10 @@ def test_short_records_cannot_tell() -> None:
     with expects_white():
         fit = fp.estimate(LAG, record(0.98, 300), start=THETA)
     assert fit.residual_checks["y"].correlation_times < 50
-    assert "correlation times long: they cannot tell" in fit.report().warnings[1]
+    assert "correlation times long: too short to show" in fit.report().warnings[1]
     with expects_white():
         fit = fp.estimate(LAG, record(0.5, 300), start=THETA)
-    assert "cannot tell" not in "".join(fit.report().warnings)
+    assert "too short" not in "".join(fit.report().warnings)
 
 
 def test_files_have_the_checks(tmp_path: Path) -> None:
@@ -170,7 +170,7 @@ def test_few_numbers_have_nothing_to_judge(y: list[float]) -> None:
         fit = fp.estimate(LINE, fp.Record(s, s, y), start={"p": 1.0, "q": 2.0}, noise_std={"y": 0.1})
     assert all(check.white and check.p_value is None for check in fit.residual_checks.values())
     assert "Are the residuals white?" not in str(fit)
-    assert np.isinf(list(fit.robust_standard_errors.values())).all() == (len(y) == 1)
+    assert np.isinf(list(fit.robust_standard_errors.values())).all() == (len(y) < 3)
 
 
 def test_alternating_residuals_are_said() -> None:
@@ -186,7 +186,8 @@ def test_an_unknown_that_nothing_determines_has_no_robust_error() -> None:
     fit = fp.estimate(LINE, of_line(s, 3 + 0.1 * np.random.default_rng(5).standard_normal(30)), start={"p": 1.0, "q": 2.0})
     assert list(fit.robust_standard_errors.values()) == [np.inf, np.inf]
     assert not fit.too_small
-    held = fp.estimate(LINE, record_of_line(), start={"p": 1.0, "q": 2.5}, bounds={"q": (2.5, None)}, noise_std={"y": 30.0})
+    with expects_white():
+        held = fp.estimate(LINE, record_of_line(), start={"p": 1.0, "q": 2.5}, bounds={"q": (2.5, None)}, noise_std={"y": 30.0})
     assert held.at_bounds == ("q",)
     assert held.robust_standard_errors["q"] == np.inf and np.isfinite(held.robust_standard_errors["p"])
 

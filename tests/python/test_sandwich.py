@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from fisherpoint.estimation.memory import Memory, memory_of
+from fisherpoint.estimation.memory import NoiseMemory, memory_of
 from fisherpoint.estimation.sandwich import Sandwich, root, sandwich
 from oracle import Floats
 from test_whiteness import markov
 
-WHITE = Memory()
+WHITE = NoiseMemory()
 
 
-def robust(e: Floats, jacobian: Floats, series: np.ndarray, memory: Memory = WHITE, prior: float = 0.0) -> Sandwich:
+def robust(e: Floats, jacobian: Floats, series: np.ndarray, memory: NoiseMemory = WHITE, prior: float = 0.0) -> Sandwich:
     of_prior = prior * np.eye(jacobian.shape[1])
     covariance = np.linalg.inv(jacobian.T @ jacobian + of_prior)
     return sandwich(e[:, None], jacobian[:, None], covariance, series, np.ones((len(e), 1), dtype=bool), [memory], of_prior)
@@ -22,7 +22,7 @@ def robust(e: Floats, jacobian: Floats, series: np.ndarray, memory: Memory = WHI
 
 @pytest.mark.parametrize(("phi", "share"), [(0.9, 1.0), (0.5, 1.0), (0.98, 0.4), (0.3, 0.1)])
 def test_filters_are_those_of_the_noise(phi: float, share: float) -> None:
-    memory, n = Memory(phi, share), 400
+    memory, n = NoiseMemory(phi, share), 400
     rng = np.random.default_rng(0)
     u, x = rng.standard_normal((2, n, 1))
     recoloured = np.linalg.solve(memory.whitened(np.eye(n)), u)
@@ -122,7 +122,7 @@ def test_points_of_unlike_leverage_have_no_bias_at_white_noise() -> None:
 def test_neither_units_nor_the_order_of_series_count(series: np.ndarray) -> None:
     rng = np.random.default_rng(7)
     e, jacobian, units = rng.standard_normal(60), rng.standard_normal((60, 3)), np.array([1.0, 1e-8, 1e6])
-    memory = Memory(0.6, 0.8)
+    memory = NoiseMemory(0.6, 0.8)
     found = robust(e, jacobian, series, memory).covariance
     assert robust(e, jacobian * units, series, memory).covariance * np.outer(units, units) == pytest.approx(found)
     if series.any():

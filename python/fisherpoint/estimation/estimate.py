@@ -185,7 +185,7 @@ def estimate(
 
 def _heard_of(fit: Fit) -> Fit:
     """The fit, after a warning where its residuals are not white."""
-    findings = list(residual_findings(fit)) if fit.converged else []
+    findings = list(residual_findings(fit))
     if findings:
         message = f"residuals: expected white noise, given others: {'; '.join(findings)}"
         warnings.warn(message, RuntimeWarning, stacklevel=stacklevel_of_user())

@@ -23,7 +23,7 @@ SHARES = (1.0, 0.9, 0.6, 0.3, 0.1)
 """Shares of the variance with memory that are tried first."""
 
 
-class Memory(NamedTuple):
+class NoiseMemory(NamedTuple):
     """Noise with the autocorrelation `share` phi^k at lag k, of one output.
 
     It is e_t = phi e_(t-1) + u_t - theta u_(t-1) of white innovations u.
@@ -81,7 +81,7 @@ def _recursion(x: Array, a: float) -> Array:
     return y.reshape(-1, p)[:n]
 
 
-def memory_of(e: Array, jacobian: Array, series: Sequence[slice]) -> Memory:
+def memory_of(e: Array, jacobian: Array, series: Sequence[slice]) -> NoiseMemory:
     """The memory of the noise that has the largest restricted likelihood, of Gaussian noise.
 
     Parameters
@@ -95,34 +95,34 @@ def memory_of(e: Array, jacobian: Array, series: Sequence[slice]) -> Memory:
     """
     chosen = list(_first_samples(series))
     if not chosen:
-        return Memory()
+        return NoiseMemory()
     rows = np.concatenate([np.arange(part.start, part.stop) for part in chosen])
     left, sizes, _ = np.linalg.svd(_unit_columns(jacobian[rows]), full_matrices=False)
     basis = left[:, sizes > 1e-8 * max(sizes.max(initial=0.0), 1e-300)]
     columns = np.column_stack([basis, e[rows]])
     lengths = [part.stop - part.start for part in chosen]
     if len(rows) - columns.shape[1] < 3:
-        return Memory()
+        return NoiseMemory()
     ends = np.cumsum(lengths).tolist()
     parts = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
     times = np.geomspace(0.3, max(LONGEST * max(lengths), 1.0), 14)
-    tried = {(0.0, 1.0): _deviance(Memory(), columns, parts)}
+    tried = {(0.0, 1.0): _deviance(NoiseMemory(), columns, parts)}
 
     def best_of(log_times: Array, shares: Sequence[float]) -> tuple[float, float]:
         for time in log_times:
             for share in shares:
-                tried[time, share] = _deviance(Memory(float(np.exp(-1 / np.exp(time))), share), columns, parts)
+                tried[time, share] = _deviance(NoiseMemory(float(np.exp(-1 / np.exp(time))), share), columns, parts)
         return min(tried, key=lambda key: tried[key])
 
     time, share = best_of(np.log(times), SHARES)
     width, part = float(np.log(times[1] / times[0])), 0.15
     for _ in range(4):
         if (time, share) == (0.0, 1.0):
-            return Memory()
+            return NoiseMemory()
         width, part = width / 2, part / 2
         shares = [s for s in (share - part, share, share + part) if 0.01 <= s < 1] + [1.0] * (share + part >= 1)
         time, share = best_of(np.array([time - width, time, time + width]), shares)
-    return Memory(float(np.exp(-1 / np.exp(time))), share)
+    return NoiseMemory(float(np.exp(-1 / np.exp(time))), share)
 
 
 def _first_samples(series: Sequence[slice]) -> Iterator[slice]:
@@ -141,7 +141,7 @@ def _unit_columns(columns: Array) -> Array:
     return unit
 
 
-def _deviance(memory: Memory, columns: Array, parts: Sequence[slice]) -> float:
+def _deviance(memory: NoiseMemory, columns: Array, parts: Sequence[slice]) -> float:
     """-2 log of the restricted likelihood but for a constant, of a basis of the derivatives and, last, the residuals."""
     white = np.empty_like(columns)
     for part in parts:

@@ -14,12 +14,12 @@ from ..basics.values import Array, FrozenMapping
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
-from .memory import Memory, memory_of, slices_of
+from .memory import NoiseMemory, memory_of, slices_of
 from .sandwich import Sandwich, root, sandwich
 from .whiteness import (
     Autocorrelation,
+    Periodogram,
     SignChanges,
-    Spectrum,
     autocorrelation,
     fewest_sign_changes,
     portmanteau,
@@ -31,7 +31,7 @@ OFF = 0.001
 these below which they are not white."""
 
 LONG = 50.0
-"""Correlation times from which on data can tell how large standard errors are."""
+"""Correlation times from which on data show how large standard errors are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +48,11 @@ class ResidualCheck:
         Number of lags of the portmanteau test; 0 where there are too few samples.
     lag_p_value, spectrum_p_value : float or None
         Probability, if the noise is white, of larger autocorrelations, and of a spectrum that is farther from flat.
-    spectrum : Spectrum
+    spectrum : Periodogram
         Of runs and records.
     signs : SignChanges or None
         Of points, along the setting where signs change improbably seldom.
-    memory : Memory or None
+    memory : NoiseMemory or None
         White noise beside Gauss-Markov noise, as the residuals have it; None where they are white.
     """
 
@@ -60,10 +60,10 @@ class ResidualCheck:
     autocorrelation: Autocorrelation
     lags: int
     lag_p_value: float | None
-    spectrum: Spectrum
+    spectrum: Periodogram
     spectrum_p_value: float | None
     signs: SignChanges | None
-    memory: Memory | None = None
+    memory: NoiseMemory | None = None
 
     @property
     def p_value(self) -> float | None:
@@ -72,7 +72,7 @@ class ResidualCheck:
 
     @property
     def series_p_value(self) -> float | None:
-        """The same of runs and records alone."""
+        """`p_value` of runs and records alone."""
         return _of_tests(self.lag_p_value, self.spectrum_p_value)
 
     @property
@@ -188,5 +188,5 @@ def robust(
     of_prior: Array,
 ) -> Sandwich:
     """The robust covariance of the estimate, prewhitened where residuals are not white; `of_prior` (P, P) is its information."""
-    memories = [checks[name].memory or Memory() if name in checks else Memory() for name in names_of(model.outputs)]
+    memories = [checks[name].memory or NoiseMemory() if name in checks else NoiseMemory() for name in names_of(model.outputs)]
     return sandwich(*rows[:3], series.numbers, rows.measured, memories, of_prior)

@@ -39,7 +39,7 @@ def residual_findings(fit: FitStatistics) -> Iterator[str]:
             )
     if not correlated and fit.robust.weight >= MANY_SERIES and _largest(fit) > VERY_DIFFERENT:
         yield (
-            f"residuals scatter unevenly: standard errors are {_times(fit)}. Give the noise that these data have, or "
+            f"residuals scatter unevenly: standard errors are {_how_small(fit)}. Give the noise that these data have, or "
             "look for what the model lacks"
         )
 
@@ -92,22 +92,21 @@ def _consequence(fit: FitStatistics, correlated: dict[str, ResidualCheck]) -> st
     times = min(check.correlation_times for check in correlated.values())
     if fit.robust.method == "window" and times < LONG:
         return (
-            f"the data are only {number(times, 2)} correlation times long: they cannot tell how large standard errors "
-            f"are, which takes {LONG:g}; these are {_times(fit, 'at least about')}. Measure longer; {advice}"
+            f"the data are only {number(times, 2)} correlation times long: too short to show how large standard errors are, which "
+            f"takes {LONG:g}; these are {_how_small(fit, 'at least about')}. Measure longer; {advice}"
         )
-    return f"standard errors are {_times(fit)}: {advice}"
+    return f"standard errors are {_how_small(fit)}: {advice}"
 
 
-def _times(fit: FitStatistics, about: str = "about") -> str:
+def _how_small(fit: FitStatistics, about: str = "about") -> str:
     """How many times too small standard errors are, and of which unknowns."""
-    ratios = sorted(fit.too_small.items(), key=lambda item: -item[1])
-    if not ratios or ratios[0][1] < NOTABLE:
-        return "hardly too small, by what the residuals say"
-    named = [(name, ratio) for name, ratio in ratios[:NAMED] if ratio >= NOTABLE]
-    words = ["", " times too small"]
-    parts = [f"{number(ratio, 2)}{words[not k]} for {name}" for k, (name, ratio) in enumerate(named)]
-    rest = sum(ratio >= NOTABLE for _, ratio in ratios[NAMED:])
-    return f"{about} {', '.join(parts)}" + (f", and for {rest} more" if rest else "")
+    ratios = sorted(((name, ratio) for name, ratio in fit.too_small.items() if ratio >= NOTABLE), key=lambda item: -item[1])
+    if not ratios:
+        return "hardly too small, by what the residuals show"
+    (first, largest), *others = ratios[:NAMED]
+    rest = f", and for {len(ratios) - NAMED} more" if len(ratios) > NAMED else ""
+    more = "".join(f", {number(ratio, 2)} for {name}" for name, ratio in others)
+    return f"{about} {number(largest, 2)} times too small for {first}{more}{rest}"
 
 
 def _largest(fit: FitStatistics) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
-from .memory import Memory, slices_of
+from .memory import NoiseMemory, slices_of
 
 MANY_SERIES = 20.0
 """Number of series, of equal weight in the information, from which on each counts as one."""
@@ -53,7 +53,7 @@ def sandwich(
     covariance: Array,
     series: NDArray[np.intp],
     measured: NDArray[np.bool_],
-    memories: Sequence[Memory],
+    memories: Sequence[NoiseMemory],
     of_prior: Array,
 ) -> Sandwich:
     """The robust covariance of an estimate.
@@ -69,7 +69,7 @@ def sandwich(
     series : ndarray of int, (N,)
         Number of each sample's series.
     measured : ndarray of bool, (N, n_y)
-    memories : sequence of Memory, (n_y,)
+    memories : sequence of NoiseMemory, (n_y,)
         By which each output's residuals are prewhitened.
     of_prior : ndarray, (P, P)
         The prior's information.
@@ -114,7 +114,7 @@ def _of_lags(
     covariance: Array,
     parts: Sequence[slice],
     measured: NDArray[np.bool_],
-    memories: Sequence[Memory],
+    memories: Sequence[NoiseMemory],
 ) -> tuple[Array, float]:
     scores = np.zeros((len(e), len(covariance)))
     for i, memory in enumerate(memories):

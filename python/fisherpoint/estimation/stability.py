@@ -122,7 +122,7 @@ class Stability(Shown):
         return (f"the parts' fits differ by more than their standard errors{which}: {why}",)
 
 
-class _Found(NamedTuple):
+class _Fitted(NamedTuple):
     """Estimate (P,) of a part in coordinates, covariance (P, P), and which unknowns are determined (P,)."""
 
     z: Array
@@ -175,7 +175,7 @@ def _pieces(fit: FitStatistics, parts: int) -> dict[str, NDArray[np.bool_]]:
     return {name: of == k for k, name in enumerate(words)}
 
 
-def _fitted(fit: FitStatistics, name: str, rows: NDArray[np.bool_]) -> tuple[_Found | None, PartOfData]:
+def _fitted(fit: FitStatistics, name: str, rows: NDArray[np.bool_]) -> tuple[_Fitted | None, PartOfData]:
     before = _starts_before(fit, rows)
     weighted = _with_starts(fit, _only(fit.weighted, rows), before)
     count = int(weighted.measured.sum())
@@ -204,7 +204,7 @@ def _fitted(fit: FitStatistics, name: str, rows: NDArray[np.bool_]) -> tuple[_Fo
         FrozenMapping({n: float(v) for n, v, d in zip(unknowns.names, given, determined, strict=True) if d})
         for given in (values[0], errors)
     )
-    return _Found(z, precision.covariance, determined), PartOfData(name, count, estimates, stds)
+    return _Fitted(z, precision.covariance, determined), PartOfData(name, count, estimates, stds)
 
 
 def _starts_before(fit: FitStatistics, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -240,7 +240,7 @@ def _only(weighted: WeightedResiduals, rows: NDArray[np.bool_]) -> WeightedResid
     return replace(weighted, y=y, common=common)
 
 
-def _difference(found: Sequence[_Found], columns: NDArray[np.intp], information: Array, degrees: float) -> Difference | None:
+def _difference(found: Sequence[_Fitted], columns: NDArray[np.intp], information: Array, degrees: float) -> Difference | None:
     """The differences of estimates of some unknowns; `information` (P, P) of the prior is in all of them."""
     from scipy.special import chdtrc, fdtrc
 

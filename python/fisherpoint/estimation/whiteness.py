@@ -129,7 +129,7 @@ def portmanteau(found: Autocorrelation) -> tuple[int, float | None]:
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class Periodogram:
     """Cumulative periodogram of one output's residuals, over the series' Fourier frequencies, cycles per sample.
 
     Attributes
@@ -158,7 +158,7 @@ class Spectrum:
         return float(kolmogorov((root + 0.12 + 0.11 / root) * np.abs(self.cumulative - self.expected).max()))
 
 
-def spectrum(e: Array, share: Array, series: NDArray[np.intp]) -> Spectrum:
+def spectrum(e: Array, share: Array, series: NDArray[np.intp]) -> Periodogram:
     """The cumulative periodogram of residuals; see `autocorrelation` for the arguments."""
     _, first, lengths = np.unique(series, return_index=True, return_counts=True)
     frequencies, power, expected = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
@@ -175,8 +175,8 @@ def spectrum(e: Array, share: Array, series: NDArray[np.intp]) -> Spectrum:
     at, place = np.unique(np.concatenate(frequencies), return_inverse=True)
     sums = [np.cumsum(np.bincount(place.ravel(), np.concatenate(part), len(at))) for part in (power, expected)]
     if not len(at) or not all(total[-1] > 0 for total in sums):
-        return Spectrum(np.zeros(0), np.zeros(0), np.zeros(0), 0)
-    return Spectrum(at, sums[0] / sums[0][-1], sums[1] / sums[1][-1], len(place))
+        return Periodogram(np.zeros(0), np.zeros(0), np.zeros(0), 0)
+    return Periodogram(at, sums[0] / sums[0][-1], sums[1] / sums[1][-1], len(place))
 
 
 @dataclass(frozen=True)
