@@ -54,6 +54,7 @@ def estimate(
         ),
     ] = False,
     profiles: Annotated[bool, typer.Option("--profiles", help="Also compute confidence intervals by profile likelihood.")] = False,
+    stability: Annotated[bool, typer.Option("--stability", help="Also fit parts of the data against each other.")] = False,
 ) -> int:
     """Estimate the parameters from measured data, and report how good the fit is.
 
@@ -106,7 +107,7 @@ def estimate(
                 progress=not frame.quiet,
             )
         found = list((_profiles(fit, frame) if profiles else {}).values())
-        report = fit.report(profiles=found)
+        report = fit.report(profiles=found, stability=fit.stability() if stability else None)
 
         def write(directory: Path, text: Callable[[], str]) -> list[str]:
             written = [path.name for path in fit.save(directory)]

@@ -134,9 +134,9 @@ class Fit(FitStatistics, Shown):
         """
         return posterior_of(self)
 
-    def report(self, *, profiles: Sequence[ProfileCurve] = ()) -> Report:
-        """The fit as tables, with the profile likelihoods that were computed."""
-        return fit_report(self, profiles)
+    def report(self, *, profiles: Sequence[ProfileCurve] = (), stability: Stability | None = None) -> Report:
+        """The fit as tables, with the profile likelihoods, and the fits of parts of the data, that were computed."""
+        return fit_report(self, profiles, stability)
 
     def _problem_sections(self) -> Sequence[Section]:
         sections = [Section("Fit", (), fit_facts(self))]

@@ -14,6 +14,7 @@ from ..show.section import Report, Section
 from .profile_curve import ProfileCurve
 from .residual_checks import OFF
 from .residual_report import residual_findings, residual_section, robust_errors_differ
+from .stability import Stability
 from .statistics import NUMERICAL, FitStatistics
 
 STRONG = 0.98
@@ -24,11 +25,13 @@ FAR_OFF = 3.0
 """Prior standard deviations from the prior's mean from which on an estimate is pointed out."""
 
 
-def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Report:
-    """The report of a fit, with the profile likelihoods that were computed."""
-    tables = [*sections(fit), *([_profiles(profiles)] if profiles else []), Section("Fit", (), list(facts(fit)))]
+def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = (), stability: Stability | None = None) -> Report:
+    """The report of a fit, with the profile likelihoods and the fits of parts of the data that were computed."""
+    of_parts = Report("") if stability is None else stability.report()
+    tables = [*sections(fit), *([_profiles(profiles)] if profiles else []), *of_parts.sections]
+    tables.append(Section("Fit", (), list(facts(fit))))
     better = [f"{one.name}: a better estimate was found on the profile; give more starts" for one in profiles if one.better]
-    return Report(headline(fit), tables, [*warnings(fit), *better])
+    return Report(headline(fit), tables, [*warnings(fit), *of_parts.warnings, *better])
 
 
 def headline(fit: FitStatistics) -> str:
