@@ -143,9 +143,9 @@ def of_runs(order: Floats, phi: float) -> fp.Measurements:
 
 def test_the_order_of_runs_does_not_count() -> None:
     with expects_white():
-        first = fp.estimate(LAG, of_runs(np.arange(12), 0.9), start=THETA, noise_std={"x": 0.05, "y": 0.05})
+        first = fp.estimate(LAG, of_runs(np.arange(12), 0.9), start=THETA, noise={"x": 0.05, "y": 0.05})
     with expects_white():
-        other = fp.estimate(LAG, of_runs(np.arange(12)[::-1], 0.9), start=THETA, noise_std={"x": 0.05, "y": 0.05})
+        other = fp.estimate(LAG, of_runs(np.arange(12)[::-1], 0.9), start=THETA, noise={"x": 0.05, "y": 0.05})
     for name, check in first.residual_checks.items():
         assert check.p_value == pytest.approx(other.residual_checks[name].p_value, rel=1e-6)
     assert dict(first.robust_standard_errors) == pytest.approx(dict(other.robust_standard_errors), rel=1e-6)
@@ -167,7 +167,7 @@ def test_few_numbers_have_nothing_to_judge(y: list[float]) -> None:
     s = np.arange(float(len(y)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        fit = fp.estimate(LINE, fp.Record(s, s, y), start={"p": 1.0, "q": 2.0}, noise_std={"y": 0.1})
+        fit = fp.estimate(LINE, fp.Record(s, s, y), start={"p": 1.0, "q": 2.0}, noise={"y": 0.1})
     assert all(check.white and check.p_value is None for check in fit.residual_checks.values())
     assert "Are the residuals white?" not in str(fit)
     assert np.isinf(list(fit.robust_standard_errors.values())).all() == (len(y) < 3)
@@ -187,7 +187,7 @@ def test_an_unknown_that_nothing_determines_has_no_robust_error() -> None:
     assert list(fit.robust_standard_errors.values()) == [np.inf, np.inf]
     assert not fit.too_small
     with expects_white():
-        held = fp.estimate(LINE, record_of_line(), start={"p": 1.0, "q": 2.5}, bounds={"q": (2.5, None)}, noise_std={"y": 30.0})
+        held = fp.estimate(LINE, record_of_line(), start={"p": 1.0, "q": 2.5}, bounds={"q": (2.5, None)}, noise={"y": 30.0})
     assert held.at_bounds == ("q",)
     assert held.robust_standard_errors["q"] == np.inf and np.isfinite(held.robust_standard_errors["p"])
 
