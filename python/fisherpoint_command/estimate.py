@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -53,6 +54,7 @@ def estimate(
         ),
     ] = False,
     profiles: Annotated[bool, typer.Option("--profiles", help="Also compute confidence intervals by profile likelihood.")] = False,
+    stability: Annotated[bool, typer.Option("--stability", help="Also fit parts of the data against each other.")] = False,
 ) -> int:
     """Estimate the parameters from measured data, and report how good the fit is.
 
@@ -90,20 +92,22 @@ def estimate(
         ]
 
     def compute(_: Drawers) -> Outcome:
-        fit = fp.estimate(
-            problem.model,
-            parts,
-            None if no_prior else problem.prior,
-            start=problem.prior if no_prior else None,
-            parameters=problem.parameters,
-            noise=problem.noise if known else None,
-            # Noise that is estimated has what is drawn anew in it.
-            deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
-            threads=frame.threads,
-            progress=not frame.quiet,
-        )
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "residuals: expected white noise")  # they are in the report
+            fit = fp.estimate(
+                problem.model,
+                parts,
+                None if no_prior else problem.prior,
+                start=problem.prior if no_prior else None,
+                parameters=problem.parameters,
+                noise=problem.noise if known else None,
+                # Noise that is estimated has what is drawn anew in it.
+                deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
+                threads=frame.threads,
+                progress=not frame.quiet,
+            )
         found = list((_profiles(fit, frame) if profiles else {}).values())
-        report = fit.report(profiles=found)
+        report = fit.report(profiles=found, stability=fit.stability() if stability else None)
 
         def write(directory: Path, text: Callable[[], str]) -> list[str]:
             written = [path.name for path in fit.save(directory)]

@@ -99,6 +99,7 @@ def estimate_cases() -> dict[str, Case]:
             level=(0.9, NUMBER),
             progress=(None, NONE, FLAG, FUNCTION),
         ),
+        "Fit.stability": case(lambda parts: fit().stability(parts), parts=(2, NONE, INT)),
         "Fit.save": case(
             lambda directory: fit().save(within(directory)),
             directory=("fit", TEXT, PATH),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from functools import cache
 
@@ -90,6 +91,19 @@ def fit() -> fp.Fit:
 
 
 @cache
+def fit_with_memory() -> fp.Fit:
+    """Of a record, in which what the model lacks has left a slow wave in one output."""
+    t = 0.25 * np.arange(120)
+    noise = np.random.default_rng(4).standard_normal((len(t), 2)) * [0.02, 0.03]
+    y = np.stack([1 - np.exp(-t / 1.1), 2 - np.exp(-t / 1.1) - np.exp(-t / 900.0)], axis=1) + noise
+    y[:, 1] += 0.04 * np.sin(t)
+    y[5:20, 0] = np.nan
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "residuals: expected white noise")
+        return fp.estimate(TWO, fp.Record(t, np.ones(len(t)), y, x0={"a": 0.0, "b": 0.0}), problem().prior)
+
+
+@cache
 def small_fit() -> fp.Fit:
     """Of parameters far from one, in units without prefixes."""
     rig = fp.VirtualRig(DECAY, {"k": 1.1e-4}, {"c": 0.02}, seed=2)
@@ -161,6 +175,8 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "runs: single segments": of_runs("runs", single_segments),
     "fit: over decades": lambda: fit_over_decades().plot("time"),
     **{f"fit: {kind}": lambda kind=kind: fit().plot(kind) for kind in ("parity", "residuals", "time", "correlation", "ellipses")},
+    "fit: autocorrelation": lambda: fit_with_memory().plot("autocorrelation"),
+    "fit: autocorrelation of few": lambda: small_fit().plot("autocorrelation"),
     "fit: profile": lambda: fit().profile("tau").plot(),
     "small numbers: ellipses": lambda: fit_of_line().plot("ellipses"),
     "small numbers: profile": lambda: small_fit().profile("k").plot(),

@@ -64,6 +64,22 @@ def test_runs_are_read_by_their_columns(tmp_path: Path, measured: Path) -> None:
     assert (out / "time.png").exists() and fp.Fit.load(out).data[1] == data[1]
 
 
+def test_residuals_with_a_memory_come_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, rng, noise = load_config(DECAY).build_model(), np.random.default_rng(0), np.zeros(200)
+    for k in range(1, 200):
+        noise[k] = 0.9 * noise[k - 1] + 0.1 * rng.standard_normal()
+    t = 30.0 * np.arange(200)
+    record = fp.Record(t, np.zeros((200, 0)), 20.0 * np.exp(-5e-4 * t) + noise, x0={"share": 1.0})
+    record.to_csv(tmp_path / "record.csv", model)
+    assert run(DECAY, tmp_path / "record.csv", "-o", tmp_path / "fit", "--stability") == 0
+    printed = capsys.readouterr()
+    assert printed.out.split("Warning: ")[1].startswith("c: the residuals are not white")
+    assert "Estimates of parts of the data" in printed.out
+    assert "expected white noise" not in printed.err  # once is enough
+    assert (tmp_path / "fit" / "autocorrelation.png").exists()
+    assert json.loads((tmp_path / "fit" / "fit.json").read_text())["residual_checks"]["c"]["white"] is False
+
+
 @pytest.mark.parametrize(
     ("options", "known", "prior"),
     [

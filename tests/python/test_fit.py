@@ -58,7 +58,13 @@ def test_a_notebook_shows_the_cells_of_the_print() -> None:
     fit = fp.estimate(problem.model, data, problem.prior, noise=problem.noise, bounds={"c_L": (2.9e-9, None)})
     page = ElementTree.fromstring(f"<div>{fit._repr_html_()}</div>")
     tables = page.findall("table")
-    assert [table.findtext("caption") for table in tables] == ["Estimates", "Beside the prior", "Outputs", "Fit"]
+    assert [table.findtext("caption") for table in tables] == [
+        "Estimates",
+        "Beside the prior",
+        "Outputs",
+        "Are the residuals white?",
+        "Fit",
+    ]
     rows = [["".join(cell.itertext()) for cell in row] for row in tables[0].findall("tr")]
     assert rows[0][:3] == ["parameter", "unit", "estimate"] and [row[0] for row in rows[1:]] == list(fit.parameters)
     lines = {line.split()[0]: re.split(r"  +", line.strip()) for line in str(fit).split("\n\n")[1].splitlines()[1:]}

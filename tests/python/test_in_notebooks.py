@@ -71,6 +71,7 @@ SHOWN: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "measurements": (lambda: rig().measure(points()), ("12 points", "<th>h</th>", "y[0]")),
     "measured runs": (lambda: rig().measure(runs()), ("2 runs", "segment", "<th>t</th>", "y[0]")),
     "record": (lambda: fp.Record([0.0, 1.0], [0.0, 0.1], [1.0, np.nan]), ("2 samples", "<th>t</th>", "u[0]", "<td>-</td>")),
+    "stability": (lambda: fit().stability(), ("Estimates of parts of the data", "first half", "chi-square", "Parts")),
     "profile": (
         lambda: fit().profile("k"),
         ("k [1/s] = 0.", "95 % interval", "by profile likelihood", "by standard error", "converged"),

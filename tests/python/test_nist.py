@@ -17,6 +17,8 @@ from fisherpoint.basics.values import Array
 from fisherpoint.estimation.report import warnings
 from fisherpoint.estimation.search import MOST_EVALUATIONS
 
+pytestmark = pytest.mark.filterwarnings("ignore:residuals. expected white noise")  # which real data do not have
+
 PROBLEMS = {one["name"]: one for one in json.loads((Path(__file__).parent / "data" / "nist_strd.json").read_text())}
 CASES = [(name, start) for name in PROBLEMS for start in (0, 1)]
 

@@ -179,7 +179,7 @@ def test_every_reason_why_a_search_ended_is_explained() -> None:
     assert rows == [(reason.name, reason.words, reason.advice) for reason in fp.StopReason]
 
 
-REPORTING = ("warnings", "_warnings", "_nearby_warnings", "_beside_numerical_error")
+REPORTING = ("warnings", "_warnings", "_nearby_warnings", "_beside_numerical_error", "residual_findings", "_consequence")
 """The functions that put warnings into reports."""
 
 SOURCES = [ast.parse(path.read_text()) for path in sorted((ROOT / "python" / "fisherpoint").rglob("*.py"))]

@@ -9,7 +9,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
 
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the measured records are not at {DATA}")
+pytestmark = [
+    pytest.mark.skipif(not DATA.is_dir(), reason=f"the measured records are not at {DATA}"),
+    pytest.mark.filterwarnings("ignore:residuals. expected white noise"),  # which real data do not have
+]
 
 
 def example(name: str) -> ModuleType:

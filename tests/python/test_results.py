@@ -119,7 +119,7 @@ def test_a_result_is_a_table(kind: str, results: dict[str, Any]) -> None:
 PICTURES = {
     "Design": ("points", "criterion", "standard_errors", "correlation", "trajectories"),
     "Evaluation": ("standard_errors", "correlation"),
-    "Fit": ("parity", "residuals", "time", "correlation", "ellipses", "profiles"),
+    "Fit": ("parity", "residuals", "time", "autocorrelation", "correlation", "ellipses", "profiles"),
     "Validation": (),
     "Campaign": (),
     "DesignComparison": (),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..basics.checks import as_float, by_name, check_positive_int, check_type, some_names_among
-from ..basics.messages import listed, shown
+from ..basics.messages import listed, shown, stacklevel_of_user
 from ..basics.options import with_options
 from ..basics.quantity import names_of
 from ..basics.stop_reason import StopReason
@@ -31,6 +32,7 @@ from .fit import Fit
 from .known_noise import KnownNoise
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
 from .observed import Observed, check_outputs
+from .residual_report import residual_findings
 from .search import (
     MOST_STARTS,
     SAME_MINIMUM,
@@ -174,12 +176,21 @@ def estimate(
 
         fit = _fit(model, nuisance, parts, prior, noise is not None, sensors, found, len(z0))
         if not fit.noise_known:
-            return _with_unbiased_noise(fit)
+            return _heard_of(_with_unbiased_noise(fit))
         if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
             further = further_starts(found.residuals, begin, spread, len(z0))
             again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), known)
             fit = _better(fit, _fit(model, nuisance, parts, prior, True, sensors, again, len(z0) + len(further)))
-        return fit
+        return _heard_of(fit)
+
+
+def _heard_of(fit: Fit) -> Fit:
+    """The fit, after a warning where its residuals are not white."""
+    findings = list(residual_findings(fit))
+    if findings:
+        message = f"residuals: expected white noise, given others: {'; '.join(findings)}"
+        warnings.warn(message, RuntimeWarning, stacklevel=stacklevel_of_user())
+    return fit
 
 
 @contextmanager

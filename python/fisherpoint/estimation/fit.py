@@ -21,6 +21,7 @@ from .posterior import posterior_of
 from .profile import Profile, profile_of, profiles_of
 from .profile_curve import ProfileCurve
 from .report import fit_facts, fit_report
+from .stability import Stability, stability_of
 from .statistics import FitStatistics
 
 if TYPE_CHECKING:
@@ -96,6 +97,30 @@ class Fit(FitStatistics, Shown):
         """
         return profiles_of(self, names, level, threads, workers, progress)
 
+    def stability(self, parts: int | None = None) -> Stability:
+        """Fits of parts of the data against each other, each from the fit of all data and with its noise.
+
+        The differences of the estimates are tested by chi-square, with what is common to the parts, as a prior is, taken into
+        account; they are as large as chance allows where the model and the noise are right.
+
+        Parameters
+        ----------
+        parts : int, optional
+            Number of parts: consecutive groups of points and runs, and consecutive pieces of each record, and of a run that is
+            alone in its set. Default: the sets of data against each other; of a single one, its halves.
+
+        Returns
+        -------
+        Stability
+            A part that cannot be fitted is there with the reason.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For parts that are no whole number above one.
+        """
+        return stability_of(self, parts)
+
     def posterior(self) -> GaussianPrior:
         """The estimate and its covariance as the prior of what comes next, of all parameters of the model.
 
@@ -109,9 +134,9 @@ class Fit(FitStatistics, Shown):
         """
         return posterior_of(self)
 
-    def report(self, *, profiles: Sequence[ProfileCurve] = ()) -> Report:
-        """The fit as tables, with the profile likelihoods that were computed."""
-        return fit_report(self, profiles)
+    def report(self, *, profiles: Sequence[ProfileCurve] = (), stability: Stability | None = None) -> Report:
+        """The fit as tables, with the profile likelihoods, and the fits of parts of the data, that were computed."""
+        return fit_report(self, profiles, stability)
 
     def _problem_sections(self) -> Sequence[Section]:
         sections = [Section("Fit", (), fit_facts(self))]
@@ -134,9 +159,10 @@ class Fit(FitStatistics, Shown):
 
         Parameters
         ----------
-        kind : {"parity", "residuals", "time", "correlation", "ellipses", "profiles"}
-            Measured against predicted outputs; residuals in units of the noise; records and runs over time; the correlation of the
-            estimates; joint confidence ellipses; the profile likelihood of every unknown, which takes a while.
+        kind : {"parity", "residuals", "time", "autocorrelation", "correlation", "ellipses", "profiles"}
+            Measured against predicted outputs; residuals in units of the noise; records and runs over time; autocorrelation and
+            spectrum of what is left in these; the correlation of the estimates; joint confidence ellipses; the profile likelihood
+            of every unknown, which takes a while.
         path : path, optional
             Where the picture is also written; the ending says the format, PNG where there is none.
         progress : bool or callable, optional
@@ -160,15 +186,16 @@ class Fit(FitStatistics, Shown):
         return drawn(PLOTS[kind](self), path)
 
     def to_pandas(self) -> pd.DataFrame:
-        """One row per unknown: unit, estimate, standard_error, rse, and the ends lower_95 and upper_95 of `intervals`."""
+        """One row per unknown: unit, estimate, standard_error, robust_standard_error, rse, lower_95 and upper_95 of `intervals`."""
         with needed_for("to_pandas"):
             import pandas as pd
 
+        robust = self.robust_standard_errors
         rows = [
-            (self.units[name], value, self.standard_errors[name], self.rse[name], *self.intervals()[name])
+            (self.units[name], value, self.standard_errors[name], robust[name], self.rse[name], *self.intervals()[name])
             for name, value in self.estimate.items()
         ]
-        columns = ["unit", "estimate", "standard_error", "rse", "lower_95", "upper_95"]
+        columns = ["unit", "estimate", "standard_error", "robust_standard_error", "rse", "lower_95", "upper_95"]
         return pd.DataFrame(rows, pd.Index(self.parameters, name="parameter"), columns)
 
     def to_dict(self) -> dict[str, Any]:

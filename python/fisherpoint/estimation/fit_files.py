@@ -18,6 +18,7 @@ from ..data.measurements import Measurements
 from . import report
 from .fit_state import FitState
 from .picture_list import PICTURES
+from .residual_checks import ResidualCheck
 from .statistics import FitStatistics
 
 PLAIN = ("noise_known", "converged", "stop_reason", "evaluations", "starts", "reached")
@@ -45,6 +46,7 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
                     "unit": fit.units[name],
                     "estimate": value,
                     "standard_error": fit.standard_errors[name],
+                    "robust_standard_error": fit.robust_standard_errors[name],
                     "interval_95": list(fit.intervals()[name]),
                     "t_degrees_of_freedom": degrees[name],
                     "prior_mean": fit.prior.mean[name] if fit.prior is not None and name in fit.prior.names else None,
@@ -61,6 +63,7 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
             "chi_square": fit.chi_square,
             "degrees_of_freedom": fit.degrees_of_freedom,
             "tests": tests,
+            "residual_checks": {name: _check_dict(check) for name, check in fit.residual_checks.items()},
             "null_directions": list(fit.null_directions),
             "weak_directions": list(fit.weak_directions),
             "at_bounds": list(fit.at_bounds),
@@ -69,6 +72,26 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
         }
     )
     return plain
+
+
+def _check_dict(check: ResidualCheck) -> dict[str, Any]:
+    signs, memory = check.signs, check.memory
+    return {
+        "white": check.white,
+        "p_value": check.p_value,
+        "in_series": check.count,
+        "autocorrelation": check.autocorrelation.values,
+        "expected_autocorrelation": check.autocorrelation.expected,
+        "autocorrelation_band_95": check.autocorrelation.band,
+        "lags": check.lags,
+        "lag_p_value": check.lag_p_value,
+        "spectrum_p_value": check.spectrum_p_value,
+        "signs_along": None if signs is None else signs.setting,
+        "sign_changes": None if signs is None else signs.count,
+        "signs_p_value": None if signs is None else signs.p_value,
+        "memory_in_samples": None if memory is None else memory.samples,
+        "memory_share": None if memory is None else memory.share,
+    }
 
 
 def save_fit(fit: FitStatistics, directory: str | Path) -> list[Path]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .profile_curve import ProfileCurve
     from .statistics import FitStatistics
 
-PICTURES = ("parity.png", "residuals.png", "time.png", "correlation.png", "ellipses.png", "profiles.png")
+PICTURES = ("parity.png", "residuals.png", "time.png", "autocorrelation.png", "correlation.png", "ellipses.png", "profiles.png")
 """Pictures of a fit that the command line may draw."""
 
 
@@ -24,6 +24,8 @@ def plots_of(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Plots
     names = ["parity", "residuals"]
     if any(isinstance(part, Record) or part.points.kind == "run" for part in fit.data):
         names.append("time")
+    if any(len(check.autocorrelation.values) for check in fit.residual_checks.values()):
+        names.append("autocorrelation")
     if len(fit.parameters) > 1:
         names += ["correlation", "ellipses"]
     plots = {name: partial(_drawn, name, fit) for name in names}

@@ -29,6 +29,7 @@ from ..show.style import (
     TEXT,
     Picture,
     labelled,
+    nothing_drawn,
     said,
     scale,
     show_each_under_mouse,
@@ -36,6 +37,7 @@ from ..show.style import (
 )
 from ..show.time_axes import RunTime, is_crowded, make_logarithmic_from_zero, shares_of
 from .profile_curve import ProfileCurve
+from .residual_pictures import plot_autocorrelation
 from .statistics import FitStatistics
 
 MANY = 150
@@ -144,7 +146,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
     covariance = fit.precision.covariance
     with mpl.rc_context(STYLE):
         if not pairs:
-            return _nothing("Confidence ellipses: no two unknowns are determined")
+            return nothing_drawn("Confidence ellipses: no two unknowns are determined")
         figure, panels = _grid(len(pairs), 3.3, 3.0)
         title = f"Joint {100 * level:g} % regions; bars: of each alone"
         if len(pairs) < len(names) * (len(names) - 1) // 2:
@@ -213,7 +215,7 @@ def plot_time(fit: FitStatistics) -> Figure:
     series = everything[:MOST_SERIES]
     with mpl.rc_context(STYLE):
         if not series:
-            return _nothing("Over time: there is no record or run among the data")
+            return nothing_drawn("Over time: there is no record or run among the data")
         paths = [None if run is None else _between_samples(fit, run) for _, _, run in series]
         times = [
             None if run is None else RunTime(run.dt[0, : run.segments[0]], path if run.segments[0] == 1 else None)
@@ -276,6 +278,7 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
     "parity": plot_parity,
     "residuals": plot_residuals,
     "time": plot_time,
+    "autocorrelation": plot_autocorrelation,
     "correlation": plot_correlation,
     "ellipses": plot_ellipses,
 }
@@ -290,12 +293,6 @@ def _grid(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
     for axes in grid[count:]:
         axes.remove()
     return figure, list(grid[:count])
-
-
-def _nothing(text: str) -> Figure:
-    figure = Picture(figsize=(6.0, 1.2))
-    figure.text(0.02, 0.5, text, va="center")
-    return figure
 
 
 def _measured_outputs(fit: FitStatistics) -> Iterator[tuple[int, Quantity]]:

@@ -12,8 +12,10 @@ from ..prior.gaussian import GaussianPrior
 from ..show.numbers import counted, digits_of, number, percent
 from ..show.section import Report, Section
 from .profile_curve import ProfileCurve
-from .statistics import OFF, FitStatistics
-from .unknown_noise import TINY
+from .residual_checks import OFF
+from .residual_report import residual_findings, residual_section, robust_errors_differ
+from .stability import Stability
+from .statistics import NUMERICAL, FitStatistics
 
 STRONG = 0.98
 """Correlation of two unknowns from which on it is pointed out."""
@@ -23,15 +25,13 @@ FAR_OFF = 3.0
 """Prior standard deviations from the prior's mean from which on an estimate is pointed out."""
 
 
-NUMERICAL = 1000.0
-"""Multiple of the numerical error of an output up to which its estimated noise is said to be near it."""
-
-
-def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Report:
-    """The report of a fit, with the profile likelihoods that were computed."""
-    tables = [*sections(fit), *([_profiles(profiles)] if profiles else []), Section("Fit", (), list(facts(fit)))]
+def fit_report(fit: FitStatistics, profiles: Sequence[ProfileCurve] = (), stability: Stability | None = None) -> Report:
+    """The report of a fit, with the profile likelihoods and the fits of parts of the data that were computed."""
+    of_parts = Report("") if stability is None else stability.report()
+    tables = [*sections(fit), *([_profiles(profiles)] if profiles else []), *of_parts.sections]
+    tables.append(Section("Fit", (), list(facts(fit))))
     better = [f"{one.name}: a better estimate was found on the profile; give more starts" for one in profiles if one.better]
-    return Report(headline(fit), tables, [*warnings(fit), *better])
+    return Report(headline(fit), tables, [*warnings(fit), *of_parts.warnings, *better])
 
 
 def headline(fit: FitStatistics) -> str:
@@ -64,6 +64,7 @@ def sections(fit: FitStatistics) -> Iterator[Section]:
     if fit.prior is not None and fit.weighted.prior_factor is not None:
         yield _beside_prior(fit, fit.prior)
     yield _outputs(fit)
+    yield from residual_section(fit)
     if len(fit.tests) > 1 and not fit.noise_known:
         yield _noise_correlation(fit)
 
@@ -88,6 +89,7 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
     """Warnings, each as a sentence."""
     if not fit.converged:
         yield f"not converged: {fit.stop_reason.words}. {fit.stop_reason.advice.removesuffix('.')}"
+    yield from residual_findings(fit)
     for direction in fit.null_directions:
         yield f"not determined: {direction}, no measured output changes"
     for direction in fit.weak_directions:
@@ -126,7 +128,7 @@ def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
         return
     observed, stds = fit.weighted.observed, np.sqrt(np.diag(fit.noise_covariance))
     for name, i in ((name, names_of(fit.model.outputs).index(name)) for name in fit.tests):
-        error = max(observed.precision * float(np.sqrt(np.nanmean(np.square(observed.y[:, i])))), TINY**0.5)
+        error = float(fit.numerical_errors[i])
         if stds[i] > NUMERICAL * error:
             continue
         source = (
@@ -142,15 +144,17 @@ def _beside_numerical_error(fit: FitStatistics) -> Iterator[str]:
 
 def _unknowns(fit: FitStatistics) -> Section:
     units, errors, intervals = fit.units, fit.standard_errors, fit.intervals()
-    columns = ("parameter", "unit", "estimate", "std error", "RSE", "95 % interval")
+    beside = fit.robust_standard_errors if robust_errors_differ(fit) else None
+    columns = ("parameter", "unit", "estimate", "std error", *(("robust",) if beside else ()), "RSE", "95 % interval")
     rows: list[tuple[str, ...]] = []
     for name, value in fit.estimate.items():
         error, (low, high) = errors[name], intervals[name]
         digits = digits_of(value, error)
         if name in fit.at_bounds:
-            rows.append((name, units[name], number(value, digits), "at its bound", "-", "-"))
+            rows.append((name, units[name], number(value, digits), "at its bound", *(["-"] if beside else []), "-", "-"))
             continue
-        row = [name, units[name], number(value, digits), number(error, 3), percent(error / abs(value)) if value else "-"]
+        row = [name, units[name], number(value, digits), number(error, 3), *([number(beside[name], 3)] if beside else [])]
+        row.append(percent(error / abs(value)) if value else "-")
         rows.append((*row, f"{number(low, min(digits, 6))} to {number(high, min(digits, 6))}"))
     marked = {*fit.at_bounds, *(name for name, error in errors.items() if not np.isfinite(error))}
     title = "Estimates" + ("" if fit.noise_known else ", intervals by Student's t")

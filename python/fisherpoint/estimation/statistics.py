@@ -22,12 +22,14 @@ from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE
 from .nuisance import Nuisance
 from .precision import Precision, in_words, quantile
+from .residual_checks import OFF, ResidualCheck, Series, WhitenedRows, residual_checks, robust
+from .sandwich import Sandwich
 from .small_samples import Inflated, inflated, output_degrees_of_freedom
-from .unknown_noise import correlations_can_be_estimated, residual_covariance
+from .unknown_noise import TINY, correlations_can_be_estimated, residual_covariance
 from .weighting import WeightedResiduals
 
-OFF = 0.001
-"""Probability of a chi-square by chance below which the model or the noise of an output is called wrong."""
+NUMERICAL = 1000.0
+"""Multiple of the numerical error of an output up to which its residuals, and its estimated noise, may be due to that."""
 
 FEWEST_DEGREES = 0.5
 """Degrees of freedom of an output below which its residuals do not determine its noise."""
@@ -152,6 +154,23 @@ class FitStatistics:
         return self._by_name(np.sqrt(np.diag(self.covariance)))
 
     @property
+    def robust_standard_errors(self) -> Mapping[str, float]:
+        """Standard errors that do not need the noise to be white, by name, SI units; inf as `standard_errors`, and of exact fits.
+
+        From the residuals themselves: of many points and runs by their own scores, of few records and runs by Newey and West's
+        window after prewhitening. See `fisherpoint.estimation.sandwich`.
+        """
+        errors = np.sqrt(np.diag(self.robust.covariance)) * np.abs(self.slopes)
+        left = self.degrees_of_freedom >= FEWEST_DEGREES
+        return self._by_name(np.where(self.precision.determined & left, errors, np.inf))
+
+    @property
+    def too_small(self) -> Mapping[str, float]:
+        """Robust standard errors in multiples of standard errors, by name, of the unknowns of which both are finite."""
+        both = zip(self.parameters, self.robust_standard_errors.values(), self.standard_errors.values(), strict=True)
+        return FrozenMapping({name: a / b for name, a, b in both if np.isfinite([a, b]).all() and b > 0})
+
+    @property
     def rse(self) -> Mapping[str, float]:
         """Relative standard errors, shares of |estimate|; of an estimate that is zero, inf."""
         return relative_errors(self.standard_errors, self.estimate)
@@ -240,6 +259,32 @@ class FitStatistics:
                 tests[name] = OutputTest(int(counts[i]), float(squares[i]), degrees, p_value)
         return FrozenMapping(tests)
 
+    @cached_property
+    def residual_checks(self) -> Mapping[str, ResidualCheck]:
+        """Whether the residuals of each measured output are white; without outputs whose residuals may be numerical errors."""
+        counts = np.isfinite(self.residuals).sum(axis=0)
+        size = np.sqrt(np.square(np.nan_to_num(self.residuals)).sum(axis=0) / np.maximum(counts, 1))
+        judged = (counts > 0) & (size > NUMERICAL * self.numerical_errors)
+        return residual_checks(self.model, self.series, self._whitened_rows, judged)
+
+    @cached_property
+    def robust(self) -> Sandwich:
+        """The robust covariance of the unknowns, standardised, and how it was found."""
+        rows = self.jacobian[self.residuals.size :]
+        return robust(self.model, self.series, self.residual_checks, self._whitened_rows, rows.T @ rows)
+
+    @cached_property
+    def series(self) -> Series:
+        """Which samples belong to the same run or record."""
+        return Series.of(self.model, self.data)
+
+    @property
+    def numerical_errors(self) -> Array:
+        """Root mean square (n_y,) of the error of each output by the trajectories' tolerance, or by rounding."""
+        y = np.nan_to_num(self.weighted.observed.y)
+        size = np.sqrt(np.square(y).sum(axis=0) / np.maximum(np.isfinite(self.residuals).sum(axis=0), 1))
+        return np.asarray(np.maximum(self.weighted.observed.precision * size, TINY**0.5))
+
     @property
     def unexplained(self) -> tuple[str, ...]:
         """Outputs whose residuals are larger than the known noise explains: their chi-square has a probability below 0.001."""
@@ -304,6 +349,11 @@ class FitStatistics:
         measured = np.isfinite(self.residuals)
         full = correlations_can_be_estimated(measured, len(self.values))
         return inflated(self._data_jacobian, self._precision.covariance[None], measured.sum(axis=0), full)
+
+    @property
+    def _whitened_rows(self) -> WhitenedRows:
+        measured = np.isfinite(self.residuals)
+        return WhitenedRows(self.whitened, self._data_jacobian[0], self._precision.covariance, measured)
 
     @property
     def _data_jacobian(self) -> Array:

@@ -112,6 +112,13 @@ class Picture(Figure):
         return encoded(self, "png", dpi=NOTEBOOK_DPI)
 
 
+def nothing_drawn(text: str) -> Figure:
+    """A picture that says why there is nothing to draw."""
+    figure = Picture(figsize=(6.0, 1.2))
+    figure.text(0.02, 0.5, text, va="center")
+    return figure
+
+
 def drawn(figure: Figure, path: str | Path | None) -> Figure:
     """The picture, which is also written where a path is given."""
     if path is not None:
