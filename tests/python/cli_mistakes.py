@@ -99,11 +99,13 @@ MISTAKES: dict[str, Mistake] = {
         '[prior_correlation]\n"V, K" = 1.5\n\n[noise]',
         'prior_correlation."V, K": expected a number < 1, given 1.5',
     ),
-    "noise of nothing": enzyme("rate = 10.9", "rate = 0", "noise.rate", "expected a number > 0, given 0"),
+    "noise of nothing": enzyme(
+        "rate = 10.9", "rate = 0", "noise.rate", "expected a positive standard deviation, or a colored part, given 0"
+    ),
     "noise of a stranger": enzyme(
         "rate = 10.9", "rates = 10.9", 'unknown key noise.rates; expected one of rate (did you mean "rate"?)'
     ),
-    "measures something else": cylinder('{ value = 2e4, unit = "Pa" }', '{ value = 2e4, unit = "kg" }', "noise.p_A", "Pa", "kg"),
+    "measures something else": cylinder('{ std = 2e4, unit = "Pa" }', '{ std = 2e4, unit = "kg" }', "noise.p_A", "Pa", "kg"),
     "no unit": cylinder(
         'm_q   = { mean = 150.0,    relative_std = 0.05, unit = "kg" }',
         'm_q   = { mean = 150.0,    relative_std = 0.05, unit = "kilo" }',

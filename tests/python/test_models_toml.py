@@ -50,7 +50,7 @@ k3 = { mean = 0.06, relative_std = 0.1 }
 
 [noise]
 h2 = 1e-3
-h1 = { value = 1e-3, unit = "m" }
+h1 = { std = 1e-3, unit = "m" }
 
 [region]
 h1 = [0.1, 0.5]

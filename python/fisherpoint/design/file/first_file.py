@@ -138,7 +138,7 @@ def _bounds(name: str, bounds: tuple[float, float], unit: str) -> str:
 
 
 def _line(name: str, value: float, unit: str) -> str:
-    return f'{_key(name)} = {{ value = {value!r}, unit = "{unit}" }}'
+    return f'{_key(name)} = {{ std = {value!r}, unit = "{unit}" }}'
 
 
 def _key(name: str) -> str:
