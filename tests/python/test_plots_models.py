@@ -33,8 +33,8 @@ def plane(x, u, p):  # type: ignore[no-untyped-def]
 def design(model: fp.SymbolicModel, bounds: dict[str, tuple[float, float]], n: int = 4, noise: bool = True) -> fp.Design:
     mean = {quantity.name: 1e-4 for quantity in model.parameters}
     prior = fp.GaussianPrior(mean=mean, relative_std=dict.fromkeys(mean, 0.1))
-    noise = {quantity.name: 0.1 for quantity in model.outputs}
-    given = fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise=noise if noise else None)
+    known = {quantity.name: 0.1 for quantity in model.outputs} if noise else None
+    given = fp.DesignProblem(model, prior, fp.ExperimentRegion(bounds), noise=known)
     return fp.exchange(given, n, n_candidates=10, max_iterations=20, method=fp.ExchangeMethod(references=False))
 
 
