@@ -329,7 +329,9 @@ MISTAKES: dict[str, Mistake] = {
     "previous of another model": Mistake(
         "design enzyme.toml -o out --previous cylinder.csv", ("cylinder.csv: expected the columns s; given q, v",)
     ),
-    "a logger's names": data("Zeit,Rate\n1,2\n", "the unknown Zeit, Rate", "columns={...}, --column, or [data] of a TOML file names other"),
+    "a logger's names": data(
+        "Zeit,Rate\n1,2\n", "the unknown Zeit, Rate", "columns={...}, --column, or [data] of a TOML file names other"
+    ),
     "a column that is not there": Mistake(
         "estimate enzyme.toml data.csv -o out --column s=Conc --column y_rate=Rate",
         ("data.csv: expected the columns Conc, Rate, given s, y_rate",),
