@@ -230,6 +230,11 @@ def test_numbers(text: str, expected: str) -> None:
     assert text == expected
 
 
+def test_a_p_value_that_no_test_is_exact_enough_for_is_a_bound() -> None:
+    assert [numbers.probability(p) for p in (0.0, 1e-300, 9e-7, 1e-6, 0.019, 1.0)] == ["< 1e-6"] * 3 + ["1e-6", "0.019", "1"]
+    assert (numbers.p_value_text(0.0), numbers.p_value_text(0.25)) == ("p < 1e-6", "p = 0.25")
+
+
 def test_columns_line_up() -> None:
     assert numbers.column([0.5, -0.0312, float("nan")]) == ["0.5000", "-0.0312", "-"]
     assert numbers.column([2e6, 1.9e7]) == ["2.000e6", "1.900e7"]

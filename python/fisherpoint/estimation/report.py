@@ -9,7 +9,7 @@ import numpy as np
 from ..basics.quantity import names_of
 from ..basics.stop_reason import StopReason
 from ..prior.gaussian import GaussianPrior
-from ..show.numbers import counted, digits_of, number, percent
+from ..show.numbers import counted, digits_of, number, percent, probability
 from ..show.section import Report, Section
 from .profile_curve import ProfileCurve
 from .residual_checks import OFF
@@ -200,7 +200,7 @@ def _outputs(fit: FitStatistics) -> Section:
         row = [name, units[name], str(test.count), *of_noise, number(found[i]), f"{test.degrees_of_freedom:.1f}"]
         if fit.noise_known:
             row += [number(test.chi_square), number(test.per_degree_of_freedom, 3)]
-            row += ["-" if test.p_value is None else number(test.p_value, 2)]
+            row += ["-" if test.p_value is None else probability(test.p_value)]
             if test.p_value is not None and not OFF <= test.p_value <= 1 - OFF:
                 marked.append(k)
         rows.append(tuple(row))

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..show.numbers import number
+from ..show.numbers import p_value_text
 from ..show.style import CRITERION, NOISE, PRIOR, STYLE, Picture, nothing_drawn
 from .residual_checks import ResidualCheck
 from .statistics import FitStatistics
@@ -50,13 +50,13 @@ def _draw_autocorrelation(axes: Axes, name: str, check: ResidualCheck) -> None:
     axes.set_xlim(0.4, max(lags[-1] + 0.6, 4.6))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_ylabel(name)
-    p_value = "too few samples" if check.lag_p_value is None else f"p = {number(check.lag_p_value, 2)}"
+    p_value = "too few samples" if check.lag_p_value is None else p_value_text(check.lag_p_value)
     axes.set_title(f"autocorrelation, {p_value}", fontsize=9, loc="right")
 
 
 def _draw_spectrum(axes: Axes, check: ResidualCheck) -> None:
     found = check.spectrum
-    p_value = "too few samples" if check.spectrum_p_value is None else f"p = {number(check.spectrum_p_value, 2)}"
+    p_value = "too few samples" if check.spectrum_p_value is None else p_value_text(check.spectrum_p_value)
     axes.set_title(f"cumulative periodogram, {p_value}", fontsize=9, loc="right")
     axes.set_xlim(0, 0.5)
     axes.set_ylim(-0.02, 1.02)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..show.numbers import counted, number
+from ..show.numbers import counted, number, p_value_text, probability
 from ..show.section import Section
 from .residual_checks import LONG, OFF, ResidualCheck
 from .sandwich import MANY_SERIES
@@ -59,7 +59,7 @@ def residual_section(fit: FitStatistics) -> Iterator[Section]:
         lag_one = check.autocorrelation.values[:1]
         signs = "-" if check.signs is None else f"{check.signs.count} of {check.signs.most} along {check.signs.setting}"
         p_values = (check.lag_p_value, check.spectrum_p_value, None if check.signs is None else check.signs.p_value)
-        lags, spectrum, of_signs = ("-" if p_value is None else number(p_value, 2) for p_value in p_values)
+        lags, spectrum, of_signs = ("-" if p_value is None else probability(p_value) for p_value in p_values)
         row = (name, number(float(lag_one[0]), 2) if len(lag_one) else "-", str(check.lags) if check.lags else "-", lags, spectrum)
         rows.append((*row, signs, of_signs, "yes" if check.white and check.p_value is not None else "-" if check.white else "no"))
         if not check.white:
@@ -79,7 +79,7 @@ def _notes(fit: FitStatistics) -> tuple[str, ...]:
 
 
 def _how(check: ResidualCheck) -> str:
-    p_value = f"p = {number(check.p_value or 0.0, 2)}" if check.p_value else "p < 1e-300"
+    p_value = p_value_text(check.p_value or 0.0)
     times, values = check.memory.samples if check.memory is not None else 0.0, check.autocorrelation.values
     correlation = f"with a correlation of {values[0]:.2f} from sample to sample" if len(values) else "by their spectrum"
     if times >= 1:

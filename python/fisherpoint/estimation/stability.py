@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..basics.checks import check_positive_int
 from ..basics.values import Array, FrozenMapping
 from ..show.display import Shown
-from ..show.numbers import counted, number
+from ..show.numbers import counted, number, p_value_text, probability
 from ..show.section import Report, Section
 from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, UNNOTICED, minimise
 from .precision import Precision
@@ -95,7 +95,7 @@ class Stability(Shown):
                 f"{number(part.estimate[name], 6)} +- {number(part.standard_errors[name], 2)}" if name in part.estimate else "-"
                 for part in fitted
             ]
-            test = (number(difference.chi_square, 3), str(difference.degrees_of_freedom), number(difference.p_value, 2))
+            test = (number(difference.chi_square, 3), str(difference.degrees_of_freedom), probability(difference.p_value))
             rows.append((name, self.units[name], *estimates, *test))
             if difference.p_value < OFF:
                 marked.append(k)
@@ -110,7 +110,7 @@ class Stability(Shown):
         if self.together is None:
             return f"Stability: {counted(len(self.parts), 'part')} of the data, which cannot be compared"
         test = f"chi-square {number(self.together.chi_square, 3)} with {self.together.degrees_of_freedom} degrees of freedom"
-        return f"Stability: {counted(len(self.parts), 'part')} of the data, {test}, p = {number(self.together.p_value, 2)}"
+        return f"Stability: {counted(len(self.parts), 'part')} of the data, {test}, {p_value_text(self.together.p_value)}"
 
     @property
     def _warnings(self) -> Sequence[str]:

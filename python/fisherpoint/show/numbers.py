@@ -11,6 +11,9 @@ import numpy as np
 LEAST_PROVEN, ROUNDING = 1e-4, 1e-12
 """Smallest proven share that is shown, and the share by which rounding may reduce a proven value."""
 
+LEAST_PROBABILITY = 1e-6
+"""Smallest p-value that is shown as a number."""
+
 
 def number(value: float, digits: int = 4) -> str:
     """A number with at most that many significant digits; "-" where there is none."""
@@ -77,6 +80,17 @@ def column(values: Iterable[float], digits: int = 4) -> list[str]:
         small = 10.0 ** (1 - decimals)
         texts = [f"{value:.{decimals}f}" if not 0 < abs(value) < small else computed(value, 2) for value in values]
     return ["-" if math.isnan(value) else text for value, text in zip(values, texts, strict=True)]
+
+
+def probability(value: float) -> str:
+    """Text of a p-value; "< 1e-6" of a smaller one, as no test's distribution is known that far out."""
+    return number(value, 2) if value >= LEAST_PROBABILITY else f"< {LEAST_PROBABILITY:g}".replace("e-0", "e-")
+
+
+def p_value_text(value: float) -> str:
+    """The same with its name: "p = 0.02", "p < 1e-6"."""
+    shown = probability(value)
+    return f"p {shown}" if shown.startswith("<") else f"p = {shown}"
 
 
 def counted(count: int, one: str, many: str = "") -> str:
