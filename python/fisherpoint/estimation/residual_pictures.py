@@ -14,7 +14,7 @@ from .residual_checks import ResidualCheck
 from .statistics import FitStatistics
 
 QUANTILE = 1.358
-"""Of Kolmogorov's distribution, 95 %."""
+"""95 % quantile of Kolmogorov's distribution."""
 
 
 def plot_autocorrelation(fit: FitStatistics) -> Figure:

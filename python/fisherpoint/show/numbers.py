@@ -88,7 +88,7 @@ def probability(value: float) -> str:
 
 
 def p_value_text(value: float) -> str:
-    """The same with its name: "p = 0.02", "p < 1e-6"."""
+    """Text of a p-value with its name: "p = 0.02", "p < 1e-6"."""
     shown = probability(value)
     return f"p {shown}" if shown.startswith("<") else f"p = {shown}"
 
