@@ -29,6 +29,7 @@ NAMES = (
     "design of a function",
     "design of predictions",
     "design of scaled errors",
+    "design under other noise",
     "robust design",
     "fit",
     "fit of a record",
