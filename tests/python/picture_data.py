@@ -54,11 +54,11 @@ def _panel(axes: Axes) -> dict[str, Any]:
         "limits": [_rounded(axes.get_xlim()), _rounded(axes.get_ylim())],
         "ticks": [text for axis in (axes.xaxis, axes.yaxis) for text in _ticks(axis)],
         "lines": [
-            {"look": _look(line), "told": _told(line), "count": len(line.get_xdata()), **_places(line.get_xydata())}
+            {"look": _look(line), "label": _label(line), "count": len(line.get_xdata()), **_places(line.get_xydata())}
             for line in axes.lines
         ],
         "areas": [
-            {"count": len(path.vertices), "told": _told(area), **_places(path.vertices)}
+            {"count": len(path.vertices), "label": _label(area), **_places(path.vertices)}
             for area in axes.collections
             for path in _paths(area)
         ],
@@ -91,8 +91,8 @@ def _look(line: Any) -> str:
     return f"{to_hex(line.get_color())} {line.get_linestyle()} {line.get_marker()}"
 
 
-def _told(artist: Any) -> str:
-    """What an artist is called, or tells where the mouse is on it, without its numbers."""
+def _label(artist: Any) -> str:
+    """Label of an artist, in the legend or under the mouse, without its numbers."""
     label = str(artist.get_label())
     return "" if label.startswith("_") else NUMBER.sub("#", label)
 

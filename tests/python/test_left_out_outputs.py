@@ -209,9 +209,9 @@ def test_the_file_of_a_problem(tmp_path: Path) -> None:
     path = tmp_path / "problem.toml"
     path.write_text(table + "[noise]\ny1 = 0.01\ny3 = 0.05\n")
     assert dict(load_config(path).problem().noise or {}) == NOISE
-    for noise, told in (("", "at least one of y1, y2, y3, given none"), ("y4 = 1.0\n", "unknown key noise.y4")):
+    for noise, expected in (("", "at least one of y1, y2, y3, given none"), ("y4 = 1.0\n", "unknown key noise.y4")):
         path.write_text(f"{table}[noise]\n{noise}")
-        with pytest.raises(ConfigError, match=told):
+        with pytest.raises(ConfigError, match=expected):
             load_config(path)
 
 

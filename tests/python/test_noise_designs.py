@@ -123,7 +123,7 @@ def test_rounded_and_limited_sensors_inform_as_their_readings_do(noise: Any) -> 
 
 
 def test_previous_data_without_some_numbers_count_in_order() -> None:
-    """A run of which y is missing here and there is one of fewer samples."""
+    """A run with missing numbers is one of fewer samples."""
     given, at = of_runs(noise={"y": KINDS["memory"]["y"]}, rtol=1e-11), runs()
     rig = fp.VirtualRig(tanks(), given.theta, {"y": 0.0})
     data = rig.measure(at)
@@ -264,7 +264,7 @@ def test_misuse_is_one_line(make: Any, message: str) -> None:
 
 @pytest.mark.parametrize("noise", [KINDS["memory"], KINDS["grows and has a memory"]])
 def test_samples_are_chosen_by_what_they_inform_together(noise: Any) -> None:
-    """No other sample in the place of one of them is better, for the inputs that were found."""
+    """Exchanging one of them for another sample improves nothing, for the inputs that were found."""
     region = fp.RunRegion({"a": 1.0, "b": 0.5, "u": (0.0, 2.0), "dt": 0.2}, segments=8, samples=3, levels={"u": [0.0, 2.0]})
     given = problem(noise=noise, region=region)
     found = fp.design_runs(given, 1, n_starts=1, time_limit=3)

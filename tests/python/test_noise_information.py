@@ -61,7 +61,7 @@ def test_rounded_readings_inform_as_their_probabilities_do(q: float, b: float, y
 @pytest.mark.parametrize("q", [1e-9, 1e-4, 0.9e-3, 1.1e-3, 0.01, 0.1, 0.29, 0.31, 0.5])
 @pytest.mark.parametrize("b", [0.0, 0.3])
 def test_fine_steps_are_noise_of_their_own_variance(q: float, b: float) -> None:
-    """Beyond the fourth order, of which the sum over cells of half a standard deviation knows."""
+    """Beyond the fourth order, which the sum over cells of half a standard deviation has."""
     y = np.array([-1.0, 0.0, 0.123, 2.0])
     v = 1 + b**2 * y**2 + q**2 / 12
     expected = 1 / v + 2 * b**4 * y**2 / v**2

@@ -52,7 +52,7 @@ def test_every_function_that_draws_is_tried() -> None:
     assert drawing == TRIED, "of a new one a picture belongs into picture_cases.py"
 
 
-def test_a_difference_is_told() -> None:
+def test_a_difference_is_named() -> None:
     shown = data_of(PICTURES["comparison"]())
     assert list(differences(shown, json.loads(json.dumps(shown)))) == []
     other = json.loads(json.dumps(shown))

@@ -27,22 +27,22 @@ def test_an_output_covariance_that_was_not_told_follows_the_noise() -> None:
 
 @pytest.mark.parametrize("kind", ["region", "pooled", "pointwise"])
 def test_one_that_was_told_stays(kind: str) -> None:
-    for told in copies(problem(noise=None, output_covariance=kind)):
-        for known in copies(told.replace(noise=NOISE)):
+    for given in copies(problem(noise=None, output_covariance=kind)):
+        for known in copies(given.replace(noise=NOISE)):
             assert known.output_covariance == kind
             assert known.replace(output_covariance=None).output_covariance == "noise"
 
 
-def test_one_that_was_told_is_refused_where_it_does_not_fit() -> None:
-    for told in copies(problem(output_covariance="noise")):
+def test_one_that_was_given_is_refused_where_it_does_not_fit() -> None:
+    for given in copies(problem(output_covariance="noise")):
         with pytest.raises(ValueError, match="noise: expected the sensor noise for output_covariance='noise', given none"):
-            told.replace(noise=None)
-    for told in copies(problem(output_covariance="region")):
+            given.replace(noise=None)
+    for given in copies(problem(output_covariance="region")):
         with pytest.raises(ValueError, match="region: expected a region of points for output_covariance='region', given None"):
-            told.replace(region=None)
+            given.replace(region=None)
 
 
-def test_parameters_that_were_not_told_are_all_of_the_model() -> None:
+def test_parameters_that_were_not_given_are_all_of_the_model() -> None:
     more = MODEL.estimate("T_1")
     prior = fp.GaussianPrior(more.nominal, relative_std=dict.fromkeys(more.nominal, 0.1))
     change: dict[str, Any] = {"model": more, "prior": prior, "rule": fp.LinearizedRule()}

@@ -68,7 +68,7 @@ def test_a_memory_is_said_first_and_of_its_output_alone() -> None:
     assert first.startswith("y: the residuals are not white, with a correlation of 0.")
     assert second.startswith("standard errors are about ") or second.startswith("the data are only ")
     assert "times too small for g" in second and "declare noise with a memory" in second
-    assert fit.too_small["g"] == pytest.approx(np.sqrt(1.9 / 0.1), rel=0.4)
+    assert fit.robust_ratios["g"] == pytest.approx(np.sqrt(1.9 / 0.1), rel=0.4)
     (row,) = [line for line in str(fit).split("\n") if line.strip().startswith("g ")]
     assert f"{fit.robust_standard_errors['g']:.3g}" in row
 
@@ -158,7 +158,7 @@ def test_units_do_not_count() -> None:
         record = fp.Record(s, s, unit * (1 + 2 * s + v))
         with expects_white():
             fits.append(fp.estimate(LINE, record, start={"p": unit, "q": 2 * unit}))
-    assert fits[0].too_small["q"] == pytest.approx(fits[1].too_small["q"], rel=1e-6)
+    assert fits[0].robust_ratios["q"] == pytest.approx(fits[1].robust_ratios["q"], rel=1e-6)
     assert fits[0].residual_checks["y"].p_value == pytest.approx(fits[1].residual_checks["y"].p_value, rel=1e-6)
 
 
@@ -185,7 +185,7 @@ def test_an_unknown_that_nothing_determines_has_no_robust_error() -> None:
     s = np.ones(30)
     fit = fp.estimate(LINE, of_line(s, 3 + 0.1 * np.random.default_rng(5).standard_normal(30)), start={"p": 1.0, "q": 2.0})
     assert list(fit.robust_standard_errors.values()) == [np.inf, np.inf]
-    assert not fit.too_small
+    assert not fit.robust_ratios
     with expects_white():
         held = fp.estimate(LINE, record_of_line(), start={"p": 1.0, "q": 2.5}, bounds={"q": (2.5, None)}, noise={"y": 30.0})
     assert held.at_bounds == ("q",)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from fisherpoint.estimation.memory import NoiseMemory, memory_of
+from fisherpoint.estimation.noise_memory import NoiseMemory, memory_of
 from fisherpoint.estimation.sandwich import Sandwich, root, sandwich
 from oracle import Floats
 from test_whiteness import markov

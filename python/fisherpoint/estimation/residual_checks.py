@@ -14,7 +14,7 @@ from ..basics.values import Array, FrozenMapping
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
-from .memory import NoiseMemory, memory_of, slices_of
+from .noise_memory import NoiseMemory, memory_of, slices_of
 from .sandwich import Sandwich, root, sandwich
 from .whiteness import (
     Autocorrelation,

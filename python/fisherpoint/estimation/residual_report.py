@@ -48,7 +48,7 @@ def robust_errors_differ(fit: FitStatistics) -> bool:
     """Whether robust standard errors are shown beside the others."""
     if any(check.memory is not None for check in fit.residual_checks.values()):
         return True
-    ratios = np.array(list(fit.too_small.values()))
+    ratios = np.array(list(fit.robust_ratios.values()))
     return bool(fit.robust.weight >= MANY_SERIES and ((ratios > DIFFERENT) | (ratios < 1 / DIFFERENT)).any())
 
 
@@ -99,8 +99,8 @@ def _consequence(fit: FitStatistics, correlated: dict[str, ResidualCheck]) -> st
 
 
 def _how_small(fit: FitStatistics, about: str = "about") -> str:
-    """How many times too small standard errors are, and of which unknowns."""
-    ratios = sorted(((name, ratio) for name, ratio in fit.too_small.items() if ratio >= NOTABLE), key=lambda item: -item[1])
+    """How many times too small standard errors are, by unknown."""
+    ratios = sorted(((name, ratio) for name, ratio in fit.robust_ratios.items() if ratio >= NOTABLE), key=lambda item: -item[1])
     if not ratios:
         return "hardly too small, by what the residuals show"
     (first, largest), *others = ratios[:NAMED]
@@ -110,4 +110,4 @@ def _how_small(fit: FitStatistics, about: str = "about") -> str:
 
 
 def _largest(fit: FitStatistics) -> float:
-    return max(fit.too_small.values(), default=1.0)
+    return max(fit.robust_ratios.values(), default=1.0)

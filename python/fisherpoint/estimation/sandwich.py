@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
-from .memory import NoiseMemory, slices_of
+from .noise_memory import NoiseMemory, slices_of
 
 MANY_SERIES = 20.0
 """Number of series, of equal weight in the information, from which on each counts as one."""

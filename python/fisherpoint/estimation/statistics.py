@@ -165,8 +165,8 @@ class FitStatistics:
         return self._by_name(np.where(self.precision.determined & left, errors, np.inf))
 
     @property
-    def too_small(self) -> Mapping[str, float]:
-        """Robust standard errors in multiples of standard errors, by name, of the unknowns of which both are finite."""
+    def robust_ratios(self) -> Mapping[str, float]:
+        """Robust standard errors over standard errors, by name, where both are finite; above one, the latter are too small."""
         both = zip(self.parameters, self.robust_standard_errors.values(), self.standard_errors.values(), strict=True)
         return FrozenMapping({name: a / b for name, a, b in both if np.isfinite([a, b]).all() and b > 0})
 

@@ -105,7 +105,7 @@ def sensitivities(
 
 
 def _states_too(model: Model, runs: Runs, theta: Array, settings: Integration, x: Array, status: IntArray) -> Array:
-    """dx_dtheta (K, 1, n_x, p) of points of which dy_dtheta is known; zero where the status is not ok."""
+    """dx_dtheta (K, 1, n_x, p) of points with a known dy_dtheta; zero where the status is not ok."""
     ok = np.flatnonzero(status == Status.ok)
     found = checked_run_sensitivities(model, runs[ok], theta[ok] if theta.ndim == 2 else theta, settings)
     dx = np.zeros((len(status), *found.dx_dtheta.shape[1:]))
