@@ -7,7 +7,6 @@ that the column has on the way, and times what a deviation there grows to (check
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ def check_sensitivities(bench: Bench, rtol: float, method: str) -> None:
     call = f"fp.sensitivities(model, points, theta, rtol={rtol:g}, method={method!r}, jumps='exclude')"
     judged = 0
     ok = np.flatnonzero(done.status == OK)
-    check_output_sensitivities(bench, done, ok, call)
+    check_output_sensitivities(bench, done, ok, rtol, call)
     if not bench.case.rates:
         return
     slopes, slopes_error = differences(bench, ok)
@@ -156,8 +155,11 @@ def _parts(bench: Bench, k: int, shares: Floats) -> fp.Experiments:
     return fp.Experiments(np.repeat(point.x0, count, 0), np.repeat(point.u, count, 0), point.dt * shares)
 
 
-def check_output_sensitivities(bench: Bench, done: fp.Sensitivities, ok: Any, call: str) -> None:
-    """dy/dtheta = g_x dx/dtheta + g_theta, with the text's own derivatives of g."""
+def check_output_sensitivities(bench: Bench, done: fp.Sensitivities, ok: Any, rtol: float, call: str) -> None:
+    """dy/dtheta = g_x dx/dtheta + g_theta, with the text's own derivatives of g.
+
+    Rows give dy/dtheta and columns dx/dtheta where both are smooth: two integrations, each as exact as rtol says.
+    """
     reading, n = bench.reading, len(bench.case.rates)
     for k in ok.tolist():
         x, u, p = done.x[k].tolist(), bench.points.u[k].tolist(), bench.theta[k].tolist()
@@ -174,9 +176,16 @@ def check_output_sensitivities(bench: Bench, done: fp.Sensitivities, ok: Any, ca
         expected = slopes[:, :n] @ dx + slopes[:, n:]
         room = np.abs(slopes[:, :n]) @ np.abs(dx) + np.abs(slopes[:, n:])
         noise = 1e-9 * (np.abs(y)[:, None] + 1) / np.array([abs(v) or 1.0 for v in p])
-        allowed = np.maximum(1e-6 * room + noise, 1e-300)
+        allowed = np.maximum((1e-6 + ALLOWED * rtol) * room + noise, 1e-300)
         few = FEW_ROUNDINGS * np.abs(done.x[k]), dx, FEW_ROUNDINGS * np.abs(dx)
-        own = partial(roundings, reading, done.x[k], u, p, *few)
+
+        def own(
+            k: int = k, slopes: Floats = slopes[:, :n], few: tuple[Floats, ...] = few, u: list[float] = u, p: list[float] = p
+        ) -> Floats:
+            largest = np.array([largest_column(bench, k, j, 0.0) for j in range(len(p))]) * magnification(bench, k, rtol)
+            way = ALLOWED * rtol * (np.abs(slopes) @ bench.case.sizes)[:, None] * largest if len(bench.case.rates) else 0.0
+            return way + roundings(reading, done.x[k], u, p, *few)
+
         compare(bench, "output sensitivity", done.dy_dtheta[k], expected, allowed, k, call, own)
 
 
