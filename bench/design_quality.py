@@ -29,7 +29,7 @@ from fisherpoint.estimation.precision import Precision, covariances
 from fisherpoint.estimation.search import spread_starts
 from fisherpoint.estimation.small_samples import output_degrees_of_freedom
 from fisherpoint.estimation.unknowns import checked_bounds, prior_factor, unknowns_of
-from fisherpoint.estimation.weighting import WeightedResiduals, noise_covariance
+from fisherpoint.estimation.weighting import WeightedResiduals
 from fisherpoint.information.draws import drawn_from_prior
 from fisherpoint.noise.models import nominal_std
 from fisherpoint.points.settings import Integration, resolve_threads
@@ -113,7 +113,7 @@ def truths(n: int) -> Array:
 
 def measured(candidate: Candidate, case: Case, noise: float, theta: Array) -> tuple[Array, IntArray]:
     """What rigs with these parameters measure (B, N, n_y), and the status of each."""
-    asked, streams = problem(noise), Streams.of(SEED)
+    asked, streams = problem(noise), Streams.of(SEED, len(MODEL.outputs))
     constants: dict[str, Any] = {"T_1": case.factor * T_1}
     if isinstance(candidate.data, fp.Experiments):
         rig = Rig.of(asked, fp.HydraulicCylinder(**constants), nominal_std(asked.noise))
@@ -141,7 +141,7 @@ def estimator(candidate: Candidate, case: Case, noise: float) -> Estimator:
         Observed(model, [one], names, asked.theta, RECORD_RTOL, threads),
         unknowns,
         one.y[None],
-        noise_covariance(model, std),
+        np.diag([std.get(output.name, 1.0) ** 2 for output in model.outputs]),
         prior_factor(PRIOR, unknowns) if case.use_prior else None,
     )
     starts = spread_starts(unknowns, mean, None, 1)

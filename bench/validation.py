@@ -79,14 +79,14 @@ def _figures(
     estimator = Estimator.of(problem, points, NOISE_STD, True, False, rtol, threads)
     theta, _ = truths_of(problem, "mean", FITS, 0)
     rig = Rig.of(problem, None, NOISE_STD)
-    y, _, _ = rig.measure(points, theta, Streams.of(0), threads)
+    y, _, _ = rig.measure(points, theta, Streams.of(0, len(problem.model.outputs)), threads)
     experiments = VirtualExperiments(estimator, rig, points, threads)
     residuals = replace(estimator.residuals, y=y)
     starts = np.tile(estimator.start, (FITS, 1))
     bounds = estimator.unknowns.lower, estimator.unknowns.upper
     tasks: dict[str, Callable[[], object]] = {
         "together": partial(minimise, residuals, starts, *bounds, accuracy=residuals.accuracy),
-        "validate": lambda: experiments.run(theta, Streams.of(0)),
+        "validate": lambda: experiments.run(theta, Streams.of(0, len(problem.model.outputs))),
         "loop": lambda: [_alone(residuals, estimator.start, row) for row in range(LOOPED)],
     }
     times = best_times(tasks, 2 if quick else 5)

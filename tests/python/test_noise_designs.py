@@ -249,12 +249,6 @@ def test_mistakes_in_files_name_their_key(old: str, new: str, line: str, tmp_pat
             lambda: fp.evaluate(problem(noise=KINDS["correlated"]), points(), output_covariance="region"),
             "noise: expected white noise of constant",
         ),
-        (
-            lambda: fp.estimate(tanks(), fp.Measurements(points(), np.ones((5, 2))), noise=KINDS["grows"]),
-            r"noise\['y'\]: expected white noise of a constant standard deviation of fits, given Noise",
-        ),
-        (lambda: fp.Campaign(problem(noise=KINDS["memory"])), r"noise\['y'\]: expected white noise"),
-        (lambda: fp.validate(problem(noise=KINDS["memory"]), points(), runs=2), r"noise\['y'\]: expected white noise"),
     ],
 )
 def test_misuse_is_one_line(make: Any, message: str) -> None:

@@ -61,7 +61,7 @@ def test_an_error_of_each_sample_would_be_seen() -> None:
 def test_constants_deviate_once_per_virtual_experiment_and_starts_once_per_run() -> None:
     rig = Rig.of(problem(uncertain=CONSTANT, initial_state_std=START), None, dict.fromkeys(NOISE, 1e-12))
     theta = np.tile(MODEL.theta(THETA), (300, 1))
-    y, status, constants = rig.measure(REPEATED, theta, Streams.of(1), 2)
+    y, status, constants = rig.measure(REPEATED, theta, Streams.of(1, 2), 2)
     assert y.shape == (300, 48, 2) and not status.any()
     assert constants.shape == (300, 1) and np.std(constants) == pytest.approx(0.03, rel=4 / np.sqrt(600))
     exact = fp.simulate(MODEL, REPEATED, THETA, rtol=1e-10).y.reshape(48, 2)

@@ -227,7 +227,7 @@ def test_the_fits_are_those_of_least_squares(cylinder: tuple[fp.DesignProblem, f
     given, points = cylinder
     estimator = Estimator.of(given, points, NOISE, True, False, 1e-9, 1)
     theta, _ = truths_of(given, "prior", 12, 0)
-    y, status, _ = Rig.of(given, None, NOISE).measure(points, theta, Streams.of(0), 1)
+    y, status, _ = Rig.of(given, None, NOISE).measure(points, theta, Streams.of(0, 2), 1)
     residuals = fits.replace(estimator.residuals, y=y[status == 0])
     lower, upper = estimator.unknowns.lower, estimator.unknowns.upper
     minima = minimise(residuals, np.tile(estimator.start, (len(residuals.y), 1)), lower, upper)

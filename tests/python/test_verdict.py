@@ -176,7 +176,7 @@ def test_a_robot_joint_is_fitted_as_from_its_truth(friction: str) -> None:
     assert design.wrong_minima == 0 and design.failed == 0 and design.per_run is not None
     estimator = Estimator.of(given, runs, dict(given.noise or {}), True, False, 1e-9, 1)
     theta, _ = truths_of(given, "prior", 16, 0)
-    y, _, _ = Rig.of(given, None, dict(given.noise or {})).measure(runs, theta, Streams.of(0), 1)
+    y, _, _ = Rig.of(given, None, dict(given.noise or {})).measure(runs, theta, Streams.of(0, len(given.model.outputs)), 1)
     sigma = np.array([1e-3, 0.02])
     for k in range(2):
 

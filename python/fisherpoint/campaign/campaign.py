@@ -23,7 +23,6 @@ from ..estimation.precision import quantile
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..information.run_information import checked_problem
-from ..noise.models import white_alone
 from ..points.runs import Points, as_runs
 from ..points.settings import resolve_threads
 from ..show.display import Plots, Shown
@@ -85,8 +84,6 @@ class Campaign(Shown):
         **settings: Any,
     ) -> None:
         check_type(problem, DesignProblem, "problem")
-        if problem.noise is not None:
-            white_alone(problem.noise, "noise", "of fits")
         state = CampaignState(problem, batch_settings(problem, batch, seed, settings), checked_targets(targets, problem))
         self._begin(state, None, threads)
         if directory is not None:

@@ -22,7 +22,8 @@ from ..data.record import Record
 from ..information.assumed import assumed_of
 from ..information.deviations import EXACT, Deviations
 from ..models import Model
-from ..noise.models import NoiseOf, checked_noise, white_alone
+from ..noise.models import NoiseOf, checked_noise, outputs_of
+from ..noise.sensors import Sensors
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import check_rtol, resolve_threads
 from ..prior.gaussian import GaussianPrior
@@ -43,10 +44,11 @@ from .search import (
     search_with_unknown_noise,
     start_guess,
 )
+from .sensor_noise import SensorNoise
 from .small_samples import unbiased
 from .unknown_noise import check_noise_is_determined
 from .unknowns import checked_bounds, prior_factor, unknowns_of
-from .weighting import WeightedResiduals, noise_covariance
+from .weighting import WeightedResiduals
 
 
 @with_options
@@ -67,9 +69,10 @@ def estimate(
 ) -> Fit:
     """Estimate parameters from measured data, (5).
 
-    With known noise this is weighted least squares, which is maximum likelihood; with unknown noise, the parameters that minimise
-    log det of the residual covariance (10); with a prior, the maximum a posteriori. The search is Levenberg and Marquardt's with
-    the engine's exact derivatives in standardised coordinates, from the best of several starts.
+    With known noise this is weighted least squares, which is maximum likelihood, or the maximum likelihood of readings where noise
+    grows with the outputs, or readings are rounded or limited (docs/how_to/noise.md); with unknown noise, the parameters that
+    minimise log det of the residual covariance (10); with a prior, the maximum a posteriori. The search is Levenberg and
+    Marquardt's with the engine's exact derivatives in standardised coordinates, from the best of several starts.
 
     Parameters
     ----------
@@ -83,9 +86,9 @@ def estimate(
         estimate. Default: the prior's mean, else the model's nominal values.
     parameters : sequence of str, optional
         Names of the parameters to estimate; the others are known to be at their start. Default: all.
-    noise : mapping of output name to float, optional
-        Standard deviations of the sensor noise, SI units, which must be white; data of outputs that are not named are left out.
-        Default: not known, and all outputs take part.
+    noise : mapping of output name to float or Noise, or NoiseModel, optional
+        The sensor noise, SI units: a number is the standard deviation of white noise. Data of outputs that are not named are left
+        out. Default: white noise that is not known, and all outputs take part.
     bounds : mapping of name to (lower, upper), optional
         None for no bound. Default: what the model itself demands (`Model.least`).
     deviations : Deviations, optional
@@ -119,13 +122,12 @@ def estimate(
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
     if noise is not None:
-        noise = white_alone(checked_noise(noise, names_of(model.outputs)), "noise", "of fits")
+        noise = checked_noise(noise, names_of(model.outputs))
     check_type(deviations, Deviations, "deviations")
     uncertain, varies = deviations.uncertain, deviations.varies
     for label, stds in (("uncertain", uncertain), ("varies", varies)):
         for name in (name for name in chosen if stds is not None and name in stds):
             raise ValueError(f"{label}: expected constants or parameters that are not estimated, given {name!r}, which is")
-    sensors = None if noise is None else noise_covariance(model, noise)
     parts = _parts(data, model, noise)
     nuisance, starts_anew = nuisance_of(uncertain, deviations.initial_state_std, deviations.shared)
     assumed_of(model, uncertain, varies, deviations.initial_state_std)  # unknown names, and what is in two of them
@@ -164,23 +166,26 @@ def estimate(
         factor = prior_factor(known_beforehand(prior, joint, theta), unknowns)
         residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
-        if sensors is not None:
-            known = KnownNoise(joint.model, parts, sensors, varies, starts_anew, deviations.rule, rtol, threads)
+        if noise is not None:
+            sensors = Sensors.of(noise, names_of(model.outputs))
+            of_sensors, anew = np.diag(np.square(sensors.nominal_std)), bool(varies or starts_anew)
+            more = SensorNoise.of(sensors, parts, anew, threads)
+            known = KnownNoise(joint.model, parts, of_sensors, more, varies, starts_anew, deviations.rule, rtol, threads)
             found = search_with_known_noise(residuals, z0, known)
         elif varies or starts_anew:
             raise ValueError("noise: expected the sensor noise together with varies or initial_state_std, given none")
         else:
             check_noise_is_determined(observed, prior)
             found = search_with_unknown_noise(residuals, z0)
-            sensors = found.residuals.covariance
+            of_sensors = found.residuals.covariance
 
-        fit = _fit(model, nuisance, parts, prior, noise is not None, sensors, found, len(z0))
+        fit = _fit(model, nuisance, parts, prior, noise, of_sensors, found, len(z0))
         if not fit.noise_known:
             return _heard_of(_with_unbiased_noise(fit))
         if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
             further = further_starts(found.residuals, begin, spread, len(z0))
             again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), known)
-            fit = _better(fit, _fit(model, nuisance, parts, prior, True, sensors, again, len(z0) + len(further)))
+            fit = _better(fit, _fit(model, nuisance, parts, prior, noise, of_sensors, again, len(z0) + len(further)))
         return _heard_of(fit)
 
 
@@ -221,7 +226,7 @@ def _fit(
     nuisance: Nuisance,
     parts: tuple[Measurements | Record, ...],
     prior: GaussianPrior | None,
-    noise_known: bool,
+    noise: NoiseOf | None,
     sensors: Array,
     found: FoundMinimum,
     starts: int,
@@ -237,7 +242,8 @@ def _fit(
         values=values[0],
         predicted=response.y[0],
         residuals=observed.y - response.y[0],
-        noise_known=noise_known,
+        noise_known=noise is not None,
+        noise=noise,
         noise_covariance=sensors,
         stop_reason=found.stop_reason,
         evaluations=found.evaluations,
@@ -256,7 +262,7 @@ def _better(fit: Fit, again: Fit) -> Fit:
     return replace(again, reached=fit.reached + again.reached - 1, evaluations=fit.evaluations + again.evaluations)
 
 
-def _parts(data: Any, model: Model, noise: Mapping[str, float] | None) -> tuple[Measurements | Record, ...]:
+def _parts(data: Any, model: Model, noise: NoiseOf | None) -> tuple[Measurements | Record, ...]:
     """The sets of data, without points and runs of which nothing was measured: their trajectories may well fail.
 
     Where noise is known, an output without known noise is not measured.
@@ -270,13 +276,13 @@ def _parts(data: Any, model: Model, noise: Mapping[str, float] | None) -> tuple[
             raise TypeError(f"data: expected Measurements, a Record or a sequence of them, given {type(part).__name__}")
         check_outputs(part, model)
         if noise is not None:
-            y = np.where([name in noise for name in names_of(model.outputs)], part.y, np.nan)
+            y = np.where([name in outputs_of(noise) for name in names_of(model.outputs)], part.y, np.nan)
             if np.isnan(y).all():
                 continue
             part = replace(part, y=y)
         parts.append(part.measured_part if isinstance(part, Measurements) else part)
     if not parts:
-        raise ValueError(f"data: expected a number of {listed(noise or ())}, whose noise is known; given none")
+        raise ValueError(f"data: expected a number of {listed(outputs_of(noise or {}))}, whose noise is known; given none")
     return tuple(parts)
 
 

@@ -18,10 +18,13 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
+from ..noise.models import NoiseOf, checked_noise
+from ..noise.sensors import Sensors
 from ..points.settings import resolve_threads
 from ..prior.gaussian import GaussianPrior
 from .nuisance import Nuisance, known_beforehand
 from .observed import Observed, check_outputs
+from .sensor_noise import SensorNoise
 from .statistics import FitStatistics
 from .unknowns import Unknowns, prior_factor
 from .weighting import RunError, WeightedResiduals
@@ -33,7 +36,7 @@ class FitState(Kept):
 
     Attributes
     ----------
-    model, data, prior, nuisance, theta, values, noise_known, noise_covariance, stop_reason, evaluations, starts, reached
+    model, data, prior, nuisance, theta, values, noise_known, noise, noise_covariance, stop_reason, evaluations, starts, reached
         As of `FitStatistics`.
     prior_takes_part : bool
         Whether the prior is in the residuals; else it was only given.
@@ -46,6 +49,8 @@ class FitState(Kept):
         Covariances by which residuals are weighted.
     common : tuple of RunError
         Errors of all samples of a run.
+    weighed_at : ndarray, (N, n_y), or None
+        Outputs at which noise that grows is taken, where readings are weighed as normal ones.
     """
 
     model: Model
@@ -60,7 +65,9 @@ class FitState(Kept):
     unknowns: Unknowns
     weights: Array
     common: tuple[RunError, ...]
+    weighed_at: Array | None
     noise_known: bool
+    noise: NoiseOf | None
     noise_covariance: Array
     stop_reason: StopReason
     evaluations: int
@@ -75,6 +82,7 @@ class FitState(Kept):
         "weights": ("...", "model.outputs", "model.outputs"),
         "noise_covariance": ("model.outputs", "model.outputs"),
         "common.moved": ("*", "model.outputs", "*"),
+        "common.variances": ("*", "model.outputs"),
         "nuisance.starts": ("any model.states",),
     }
     _POSITIVE = ("rtol",)
@@ -96,7 +104,9 @@ class FitState(Kept):
             unknowns=unknowns,
             weights=weighted.covariance,
             common=weighted.common,
+            weighed_at=None if weighted.noise is None else weighted.noise.outputs,
             noise_known=fit.noise_known,
+            noise=fit.noise,
             noise_covariance=fit.noise_covariance,
             stop_reason=fit.stop_reason,
             evaluations=fit.evaluations,
@@ -127,15 +137,27 @@ class FitState(Kept):
         self._check_numbers(observed)
         beforehand = known_beforehand(self.prior if self.prior_takes_part else None, joint, full)
         factor = prior_factor(beforehand, self.unknowns)
-        weighted = WeightedResiduals(observed, self.unknowns, observed.y[None], self.weights, factor, self.common)
+        weighted = WeightedResiduals(observed, self.unknowns, observed.y[None], self.weights, factor, self.common, self._noise())
         response = observed.respond(values[None])
-        kept = ("model", "data", "prior", "nuisance", "theta", "values", "noise_known", "noise_covariance", "stop_reason")
+        kept = ("model", "data", "prior", "nuisance", "theta", "values", "noise_known", "noise", "noise_covariance", "stop_reason")
         return {
             **{name: getattr(self, name) for name in (*kept, "evaluations", "starts", "reached")},
             "predicted": response.y[0],
             "residuals": observed.y - response.y[0],
             "weighted": weighted,
         }
+
+    def _noise(self) -> SensorNoise | None:
+        """The noise of sensors that are more than white."""
+        if self.noise is None or self.weighed_at is None:
+            return None
+        names = names_of(self.model.outputs)
+        sensors, samples = Sensors.of(checked_noise(self.noise, names), names), sum(len(part.samples) for part in self.data)
+        anew = bool(self.common) or self.weights.ndim > 2
+        noise = SensorNoise.of(sensors, self.data, anew, resolve_threads(None))
+        if self.weighed_at.shape != (samples, len(names)):
+            raise ValueError(f"weighed_at: expected shape ({samples}, {len(names)}), given {self.weighed_at.shape}")
+        return None if noise is None else noise.at(as_floats(self.weighed_at, "weighed_at"))
 
     def _check_numbers(self, observed: Observed) -> None:
         """Raise ValueError where numbers are none that a fit can have."""

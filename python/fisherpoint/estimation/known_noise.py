@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,8 @@ from ..points.experiments import Experiments
 from ..points.runs import Runs
 from ..points.settings import Integration
 from ..prior.rules import LinearizedRule, Rule
-from .weighting import RunError, run_errors
+from .sensor_noise import SensorNoise
+from .weighting import RunMoves, WeightedResiduals, run_moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,8 @@ class KnownNoise:
     parts : sequence of Measurements or Record
     sensors : ndarray, (n_y, n_y)
         R.
+    noise : SensorNoise or None
+        Of sensors that are more than white.
     varies, initial_state_std : mapping of name to float, or None
         As `estimate` takes them.
     rule : Rule or None
@@ -41,6 +44,7 @@ class KnownNoise:
     model: Model
     parts: tuple[Measurements | Record, ...]
     sensors: Array
+    noise: SensorNoise | None
     varies: Mapping[str, float] | None
     initial_state_std: Mapping[str, float] | None
     rule: Rule | None
@@ -52,11 +56,22 @@ class KnownNoise:
         """Whether there is more than the sensors' noise."""
         return bool(self.varies or self.initial_state_std)
 
-    def at(self, theta: Array) -> tuple[Array, tuple[RunError, ...]]:
-        """Covariances of samples (n_y, n_y), or (N, n_y, n_y) where something is assumed, and of runs, at parameters (p,)."""
+    @property
+    def changes(self) -> bool:
+        """Whether weights change with the parameters."""
+        return self.assumed or (self.noise is not None and self.noise.changes)
+
+    def weighed(self, residuals: WeightedResiduals, z: Array) -> WeightedResiduals:
+        """The residuals in units of the noise that there is at coordinates z (P,)."""
+        values = residuals.unknowns.values(z[None])
+        noise, sensors = self.noise, self.sensors
+        if noise is not None:
+            noise = noise.at(residuals.observed.respond(values).y[0]) if noise.changes else noise
+            sensors = noise.covariance
         if not self.assumed:
-            return self.sensors, ()
-        shares, common = [np.zeros((0, *self.sensors.shape))], list[RunError]()
+            return residuals.weighed(sensors, (), noise)
+        theta, shape = residuals.observed.parameters(values)[0], self.sensors.shape
+        shares, moves = [np.zeros((0, *shape))], list[RunMoves]()
         for part in self.parts:
             if not isinstance(part, Measurements):
                 label = "varies" if self.varies else "initial_state_std"
@@ -66,11 +81,11 @@ class KnownNoise:
                 )
             points = part.runs.points
             if points is None:
-                common += self._of_runs(part, theta, sum(map(len, shares)))
-                shares.append(np.zeros((len(part.samples), *self.sensors.shape)))
+                moves += self._of_runs(part, theta, sum(map(len, shares)))
+                shares.append(np.zeros((len(part.samples), *shape)))
             else:
                 shares.append(self._of_points(points, theta))
-        return self.sensors + np.concatenate(shares), tuple(common)
+        return residuals.weighed(sensors + np.concatenate(shares), moves, noise)
 
     def _of_points(self, points: Experiments, theta: Array) -> Array:
         share, status = assumed_covariance(
@@ -88,9 +103,8 @@ class KnownNoise:
         refuse_failures(self.model, Runs.of_points(points), theta, settings, status)
         return share
 
-    def _of_runs(self, data: Measurements, theta: Array, first: int) -> Iterator[RunError]:
+    def _of_runs(self, data: Measurements, theta: Array, first: int) -> list[RunMoves]:
         if self.rule is not None and not isinstance(self.rule, LinearizedRule):
             raise ValueError(f"rule: expected tangents, None, for runs, given {self.rule}")
         assumed = assumed_of(self.model, None, self.varies, self.initial_state_std)
-        settings = Integration(self.rtol, threads=self.threads)
-        return run_errors(assumed, data, theta, settings, np.sqrt(np.diag(self.sensors)), first)
+        return list(run_moves(assumed, data, theta, Integration(self.rtol, threads=self.threads), first))

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..basics.quantity import names_of
 from ..basics.stop_reason import StopReason
+from ..information.problem_report import noise_in_words
 from ..prior.gaussian import GaussianPrior
 from ..show.numbers import counted, digits_of, number, percent, probability
 from ..show.section import Report, Section
@@ -48,13 +49,12 @@ def headline(fit: FitStatistics) -> str:
 def fit_facts(fit: FitStatistics) -> list[tuple[str, str]]:
     """Facts of the fit: model, data, unknowns and noise."""
     parts = [f"{counted(len(part.samples), 'sample')} of {type(part).__name__}" for part in fit.data]
-    noise = np.sqrt(np.diag(fit.noise_covariance))
-    given = ", ".join(f"{name} {number(noise[i])}" for i, name in enumerate(names_of(fit.model.outputs)) if name in fit.tests)
+    given = noise_in_words(fit.noise, (q for q in fit.model.outputs if q.name in fit.tests))
     return [
         ("model", fit.model.name),
         ("data", ", ".join(parts)),
         ("unknowns", ", ".join(fit.parameters)),
-        ("sensor noise, one std", given if fit.noise_known else "estimated from the residuals"),
+        ("sensor noise, one std", given if fit.noise is not None else "estimated from the residuals"),
     ]
 
 

@@ -128,16 +128,16 @@ class FoundMinimum(NamedTuple):
 
 def search_with_known_noise(residuals: WeightedResiduals, z0: Array, noise: KnownNoise) -> FoundMinimum:
     """Weighted least squares from starts (B, P); the first one is ok."""
-    weighted = _weighted(residuals, noise, z0[0])
+    weighted = noise.weighed(residuals, z0[0])
     minima = _minimised(weighted, z0, FIRST_EVALUATIONS if len(z0) > 1 else MOST_EVALUATIONS)
     best, reached = _best(minima, weighted, z0)
     evaluations = int(minima.evaluations[best])
     if minima.end[best] != CONVERGED and len(z0) > 1:
         minima, best = _minimised(weighted, minima.z[best : best + 1], MOST_EVALUATIONS), 0
         evaluations += int(minima.evaluations[0])
-    z, end, settled = minima.z[best], int(minima.end[best]), not noise.assumed
-    for _ in range(WEIGHTINGS if noise.assumed else 0):
-        again = _weighted(residuals, noise, z)
+    z, end, settled = minima.z[best], int(minima.end[best]), not noise.changes
+    for _ in range(WEIGHTINGS if noise.changes else 0):
+        again = noise.weighed(residuals, z)
         settled = np.allclose(again.variances, weighted.variances, rtol=SAME_WEIGHTS, atol=0.0)
         if settled:
             break
@@ -172,13 +172,6 @@ def _minimised(residuals: WeightedResiduals, z0: Array, max_evaluations: int) ->
     unknowns = residuals.unknowns
     minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, max_evaluations, accuracy=residuals.accuracy)
     return minima._replace(end=unknowns.ended(minima))
-
-
-def _weighted(residuals: WeightedResiduals, noise: KnownNoise, z: Array) -> WeightedResiduals:
-    """The residuals in units of the noise that there is at z (P,)."""
-    theta = residuals.observed.parameters(residuals.unknowns.values(z[None]))[0]
-    covariance, common = noise.at(theta)
-    return replace(residuals, covariance=covariance, common=common)
 
 
 def _best(minima: Minima, residuals: WeightedResiduals, z0: Array) -> tuple[int, int]:

@@ -194,7 +194,7 @@ def _fitted(fit: FitStatistics, name: str, rows: NDArray[np.bool_]) -> tuple[_Fi
     if end not in (CONVERGED, UNNOTICED):
         return without(f"no fit: {ENDS[end].words}")
     z = minima.z[0]
-    precision = Precision.of(weighted(z[None], np.zeros(1, dtype=np.intp))[1][0], unknowns.held(z))
+    precision = Precision.of(weighted.scores(z[None], np.zeros(1, dtype=np.intp))[1][0], unknowns.held(z))
     determined = precision.determined & ~before
     if not determined.any():
         return without("no fit: it determines no unknown")

@@ -16,6 +16,7 @@ from ..basics.values import Array, FrozenMapping, relative_errors
 from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
+from ..noise.models import NoiseOf
 from ..points.predictive import predictive_covariance
 from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
@@ -72,8 +73,11 @@ class FitStatistics:
     predicted, residuals : ndarray, (N, n_y)
         Of all samples in a row, run after run, SI units; measured - predicted, NaN where not measured.
     noise_known : bool
+    noise : mapping of output name to float or Noise, NoiseModel, or None
+        As it was given; None where it was not.
     noise_covariance : ndarray, (n_y, n_y)
-        R: of the given noise, or the estimated one, with each variance divided by its degrees of freedom instead of the samples.
+        R: of the given noise where the outputs are zero, or the estimated one, with each variance divided by its degrees of freedom
+        instead of the samples.
     stop_reason : StopReason
         Why the search ended.
     evaluations : int
@@ -92,6 +96,7 @@ class FitStatistics:
     predicted: Array
     residuals: Array
     noise_known: bool
+    noise: NoiseOf | None
     noise_covariance: Array
     stop_reason: StopReason
     evaluations: int
@@ -255,9 +260,15 @@ class FitStatistics:
         for i, name in enumerate(names_of(self.model.outputs)):
             if counts[i]:
                 degrees = float(self.output_degrees_of_freedom[i])
-                p_value = float(chi2.sf(squares[i], degrees)) if self.noise_known and degrees > 1e-9 else None
+                unit = self._unit_of_squares(i)  # chi-square with degrees / unit degrees of freedom, times this
+                p_value = float(chi2.sf(squares[i] / unit, degrees / unit)) if self.noise_known and degrees > 1e-9 else None
                 tests[name] = OutputTest(int(counts[i]), float(squares[i]), degrees, p_value)
         return FrozenMapping(tests)
+
+    def _unit_of_squares(self, output: int) -> float:
+        """By how much the squares of an output's scores scatter, in units of those of normal residuals."""
+        noise, there = self.weighted.noise, np.isfinite(self.residuals[:, output])
+        return 1.0 if noise is None else float(noise.kurtosis(self.predicted[there], output).mean() - 1) / 2
 
     @cached_property
     def residual_checks(self) -> Mapping[str, ResidualCheck]:
@@ -335,8 +346,8 @@ class FitStatistics:
 
     @cached_property
     def jacobian(self) -> Array:
-        """Jacobian (M, P) of the whitened residuals, with the prior's rows last."""
-        jacobian: Array = self.weighted(self.z[None], np.zeros(1, dtype=np.intp))[1][0]
+        """Jacobian (M, P) of the whitened residuals, with the prior's rows last; of independent readings, by their information."""
+        jacobian: Array = self.weighted.scores(self.z[None], np.zeros(1, dtype=np.intp))[1][0]
         return jacobian
 
     @cached_property
@@ -362,8 +373,8 @@ class FitStatistics:
 
     @cached_property
     def whitened(self) -> Array:
-        """Residuals in units of the noise, (N, n_y), zero where not measured."""
-        return self.weighted.whitened(self.residuals)
+        """Residuals in units of the noise, (N, n_y), zero where not measured; with a memory, innovations; of readings, scores."""
+        return self.weighted.whitened(self.predicted)
 
     @property
     def standardised(self) -> Array:

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.messages import listed
-from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..information.assumed import Assumed
 from ..information.run_tangents import moves_of_runs
-from ..models import Model
 from ..noise.common_error import CommonError
-from ..noise.models import NoiseOf, checked_noise, white_alone
 from ..points.settings import Integration
 from ..points.status import Status
 from .least_squares import Accuracy
 from .observed import Observed
+from .sensor_noise import Readings, SensorNoise
 from .unknowns import Unknowns
 
 
@@ -35,11 +32,14 @@ class RunError:
     first : int
         Number of the run's first sample among all.
     moved : ndarray, (n, n_y, q)
-        By how much its n samples move with a standard deviation of each cause, in units of the noise; zero where not measured.
+        By how much its n samples move with a standard deviation of each cause, whitened by the noise; zero where not measured.
+    variances : ndarray, (n, n_y)
+        What that adds to the variances of the samples, SI units.
     """
 
     first: int
     moved: Array
+    variances: Array
 
     @property
     def rows(self) -> slice:
@@ -49,21 +49,21 @@ class RunError:
     def _common(self) -> CommonError:
         return CommonError.of(self.moved.reshape(-1, self.moved.shape[2]))
 
-    @property
-    def variances(self) -> Array:
-        """Variances of the samples in units of those of the noise, (n, n_y)."""
-        return self._common.variances.reshape(self.moved.shape[:2])
-
     def whitened(self, rows: Array) -> Array:
-        """Whiten rows (B, n, n_y, ...), in units of the noise: multiply by R_k^-1/2."""
+        """Whiten rows (B, n, n_y, ...) that the noise has whitened: multiply by (I + H H^T)^-1/2."""
         white = self._common.whitened(rows.reshape(len(rows), -1, int(np.prod(rows.shape[3:]))))
         return white.reshape(rows.shape)
 
 
-def run_errors(
-    assumed: Assumed, data: Measurements, theta: Array, settings: Integration, std: Array, first: int = 0
-) -> Iterator[RunError]:
-    """The errors of measured runs, whose first sample has the number `first`; std (n_y,) is that of the noise.
+class RunMoves(NamedTuple):
+    """By how much the n samples of a run, from `first` on among all, move with a standard deviation of each cause, (n, n_y, q)."""
+
+    first: int
+    moved: Array
+
+
+def run_moves(assumed: Assumed, data: Measurements, theta: Array, settings: Integration, first: int = 0) -> Iterator[RunMoves]:
+    """The moves of measured runs, SI units, of which the first sample has the number `first`.
 
     Raises
     ------
@@ -75,9 +75,9 @@ def run_errors(
     if status.any():
         k = int(np.argmax(status != Status.ok))
         raise ValueError(f"runs: expected trajectories that are ok, given runs[{k}] ({Status(status[k]).name})")
-    moved = np.where(np.isfinite(data.run_outputs)[..., None], moved / std[:, None], 0.0)
+    moved = np.where(np.isfinite(data.run_outputs)[..., None], moved, 0.0)
     for of_run, there in zip(moved, runs.measured, strict=True):
-        yield RunError(first, of_run[there])
+        yield RunMoves(first, of_run[there])
         first += int(there.sum())
 
 
@@ -110,15 +110,6 @@ def _spread(given: NDArray[Any], like: Array) -> NDArray[Any]:
     return given.reshape(*given.shape, *(1,) * (like.ndim - 3))
 
 
-def noise_covariance(model: Model, noise: NoiseOf) -> Array:
-    """R (n_y, n_y) of the noise, 1 of an output that is not named: it is not measured."""
-    names = names_of(model.outputs)
-    stds = white_alone(checked_noise(noise, names), "noise", "of fits")
-    if not stds:
-        raise ValueError(f"noise: expected at least one of {listed(names)}; given none")
-    return np.diag([stds.get(name, 1.0) ** 2 for name in names])
-
-
 @dataclass(frozen=True, eq=False)
 class WeightedResiduals:
     """Residuals of B problems that share points and unknowns, each with data of its own, as `least_squares.minimise` takes them.
@@ -130,11 +121,13 @@ class WeightedResiduals:
     y : ndarray, (1 or B, N, n_y)
         Data; NaN, the same for all problems, where not measured.
     covariance : ndarray, broadcastable to (B, N, n_y, n_y)
-        Of the noise of every sample.
+        Of the noise of every sample; of independent readings that are more than white, about the standard deviation alone.
     prior_factor : ndarray, (P, P), or None
         L^-1 of the prior's covariance L L^T in coordinates z, for residuals L^-1 z that are added: the maximum a posteriori.
     common : tuple of RunError
         Of runs, what moves all samples of one; the covariance of these samples is R alone.
+    noise : SensorNoise, optional
+        Of sensors that are more than white.
     """
 
     observed: Observed
@@ -143,6 +136,16 @@ class WeightedResiduals:
     covariance: Array
     prior_factor: Array | None = None
     common: tuple[RunError, ...] = ()
+    noise: SensorNoise | None = None
+
+    def weighed(self, covariance: Array, moves: Sequence[RunMoves], noise: SensorNoise | None) -> WeightedResiduals:
+        """The residuals by other weights: covariances of samples, what moves those of runs, and the sensors' noise."""
+        plain = replace(self, covariance=covariance, noise=noise, common=())
+        moved = np.zeros((1, *self.measured.shape, max((one.moved.shape[2] for one in moves), default=0)))
+        for one in moves:
+            moved[0, one.first : one.first + len(one.moved), :, : one.moved.shape[2]] = one.moved
+        white = plain._whitened(covariance, moved)[0][0] if moves else moved[0]
+        return replace(plain, common=tuple(_run_error(one, white) for one in moves))
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -156,7 +159,7 @@ class WeightedResiduals:
         if self.common:
             variances = np.broadcast_to(variances, self.measured.shape).copy()
             for error in self.common:
-                variances[error.rows] *= error.variances
+                variances[error.rows] += error.variances
         return np.asarray(variances)
 
     @property
@@ -172,29 +175,59 @@ class WeightedResiduals:
         """Sum of squares of the prior's residuals at z (B, P), zero without a prior."""
         return np.zeros(len(z)) if self.prior_factor is None else np.square(z @ self.prior_factor.T).sum(axis=1)
 
-    def whitened(self, residuals: Array) -> Array:
-        """Residuals (N, n_y) in units of the noise, zero where not measured."""
-        white: Array = self._whitened(self.covariance, residuals[None])[0][0]
+    def whitened(self, predicted: Array) -> Array:
+        """Residuals measured - predicted, (N, n_y), in units of the noise, zero where not measured; of readings, their scores."""
+        if (readings := self._readings) is not None:
+            e, _ = readings.scores(predicted[None], np.zeros((1, *predicted.shape, 0)))
+            return np.asarray(-e[0])
+        white: Array = self._whitened(self.covariance, (self.y[0] - predicted)[None])[0][0]
         return white
+
+    @cached_property
+    def _readings(self) -> Readings | None:
+        """The likelihoods of independent readings that are more than white."""
+        return None if self.noise is None or self.noise.normal else self.noise.likelihoods(self.y, self.measured)
 
     def _whitened(self, covariance: Array, *arrays: Array) -> list[Array]:
         white = whiten(covariance, self.measured, *arrays)
+        if self.noise is not None:
+            self.noise.whiten_series(self.measured, arrays, white)
         for error in self.common:
             for array in white:
                 array[:, error.rows] = error.whitened(array[:, error.rows])
         return white
 
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Residuals (B, M) of which half the squares are minimised, their Jacobian (B, M, P), and whether they are there (B,)."""
+        return self._at(z, rows, scores=False)
+
+    def scores(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """The same of the residuals of variance 1, and rows of which the squares add up to the information: J^T e is the gradient.
+
+        Only of independent readings that are more than white they are others.
+        """
+        return self._at(z, rows, scores=True)
+
+    def _at(self, z: Array, rows: NDArray[np.intp], scores: bool) -> tuple[Array, Array, NDArray[np.bool_]]:
         values = self.unknowns.values(z)
         response = self.observed.respond(values)
-        y = self.y if len(self.y) == 1 else self.y[rows]
-        covariance = self.covariance
-        if covariance.ndim == 4 and len(covariance) > 1:
-            covariance = covariance[rows]
-        slopes = self.unknowns.slopes(values)[:, None, None, :]
-        e, jacobian = self._whitened(covariance, response.y - y, response.dy * slopes)
+        dy = response.dy * self.unknowns.slopes(values)[:, None, None, :]
+        if (readings := self._readings) is not None:
+            readings = readings if len(self.y) == 1 else readings.some(rows)
+            e, jacobian = (readings.scores if scores else readings.deviance)(response.y, dy)
+        else:
+            y = self.y if len(self.y) == 1 else self.y[rows]
+            covariance = self.covariance
+            if covariance.ndim == 4 and len(covariance) > 1:
+                covariance = covariance[rows]
+            e, jacobian = self._whitened(covariance, response.y - y, dy)
         r, jacobian = e.reshape(len(z), -1), jacobian.reshape(len(z), -1, z.shape[1])
         if self.prior_factor is not None:
             r = np.concatenate([r, z @ self.prior_factor.T], axis=1)
             jacobian = np.concatenate([jacobian, np.broadcast_to(self.prior_factor, (len(z), *self.prior_factor.shape))], axis=1)
         return r, jacobian, response.status == 0
+
+
+def _run_error(moves: RunMoves, white: Array) -> RunError:
+    rows = slice(moves.first, moves.first + len(moves.moved))
+    return RunError(moves.first, white[rows, :, : moves.moved.shape[2]], np.square(moves.moved).sum(axis=2))

@@ -226,22 +226,6 @@ def outputs_of(given: NoiseOf) -> Mapping[str, float | Noise]:
     return given.outputs if isinstance(given, NoiseModel) else given
 
 
-def white_alone(given: NoiseOf, label: str, where: str) -> Mapping[str, float]:
-    """Standard deviations of noise that is white, always the same and not correlated.
-
-    Raises
-    ------
-    ValueError
-        For other noise, which `where` cannot weigh.
-    """
-    for name, one in outputs_of(given).items():
-        if isinstance(one, Noise):
-            raise ValueError(f"{label}[{name!r}]: expected white noise of a constant standard deviation {where}, given {one!r}")
-    if isinstance(given, NoiseModel):
-        raise ValueError(f"{label}: expected noise without correlations {where}, given {dict(given.correlation or {})}")
-    return FrozenMapping({name: float(one) for name, one in given.items() if not isinstance(one, Noise)})
-
-
 def nominal_std(given: NoiseOf | None) -> Mapping[str, float]:
     """Standard deviations of readings where the outputs are zero."""
     of = {} if given is None else outputs_of(given)

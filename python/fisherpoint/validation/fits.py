@@ -12,17 +12,21 @@ from numpy.typing import NDArray
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..data.measurements import Measurements
+from ..estimation.known_noise import KnownNoise
 from ..estimation.least_squares import CONVERGED, ENDS
 from ..estimation.nuisance import known_beforehand, nuisance_of
 from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
 from ..estimation.search import evaluable_starts
+from ..estimation.sensor_noise import SensorNoise
 from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
 from ..estimation.unknown_noise import check_noise_is_determined, correlations_can_be_estimated
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
-from ..estimation.weighting import RunError, WeightedResiduals, noise_covariance, run_errors
+from ..estimation.weighting import WeightedResiduals
 from ..information.problem import DesignProblem
 from ..information.run_information import information_of
+from ..noise.models import NoiseOf, outputs_of
+from ..noise.sensors import Sensors
 from ..points.runs import Points, as_runs
 from ..points.status import Status
 from .figures import LEVEL
@@ -95,7 +99,7 @@ class Estimator:
         cls,
         problem: DesignProblem,
         points: Points,
-        noise: dict[str, float],
+        noise: NoiseOf,
         noise_known: bool,
         use_prior: bool,
         rtol: float,
@@ -103,30 +107,28 @@ class Estimator:
     ) -> Estimator:
         model, names = problem.model, problem.estimated
         outputs = names_of(model.outputs)
-        data = Measurements(points, _blank(points, np.array([0.0 if name in noise else np.nan for name in outputs])))
+        data = Measurements(points, _blank(points, np.array([0.0 if name in outputs_of(noise) else np.nan for name in outputs])))
         blank = data.samples
-        nuisance, _ = nuisance_of(problem.uncertain, problem.initial_state_std, problem.shared_starts)
+        nuisance, starts_anew = nuisance_of(problem.uncertain, problem.initial_state_std, problem.shared_starts)
         joint = nuisance.of(model)
         theta = joint.theta(problem.theta)
         observed = Observed(joint.model, [data], (*names, *joint.nuisance_names), theta, rtol, threads)
         if not noise_known:
             check_noise_is_determined(observed, problem.prior if use_prior else None)
-        covariance = noise_covariance(model, noise)
-        common: tuple[RunError, ...] = ()
-        information = information_of(problem, data.runs, threads)  # which must be there
-        if information.assumed is not None:
-            covariance = covariance + information.assumed
-        elif problem.assumed is not None and problem.assumed.columns:
-            std = np.sqrt(np.diag(covariance))
-            common = tuple(run_errors(problem.assumed, data, problem.theta, problem.integration(threads), std))
+        information_of(problem, data.runs, threads)  # which must be there
         places = names_of(joint.model.parameters)
         mean = {name: float(theta[places.index(name)]) for name in observed.names}
         bounds = checked_bounds(joint.model, None, observed.names)
         unknowns = unknowns_of(mean, known_beforehand(problem.prior, joint, theta), {}, bounds)
         factor = prior_factor(known_beforehand(problem.prior if use_prior else None, joint, theta), unknowns)
-        residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor, common)
+        sensors = Sensors.of(noise, outputs)
+        covariance, varies = np.diag(np.square(sensors.nominal_std)), problem.varies
+        more = SensorNoise.of(sensors, [data], bool(varies or starts_anew), threads)
+        known = KnownNoise(joint.model, (data,), covariance, more, varies, starts_anew, problem.deviations.rule, rtol, threads)
+        residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor)
         starts = evaluable_starts(observed, unknowns, mean, problem.prior, STARTS)
-        _, jacobian, _ = residuals(starts[:1], np.zeros(1, dtype=np.intp))
+        residuals = known.weighed(residuals, starts[0])
+        _, jacobian, _ = residuals.scores(starts[:1], np.zeros(1, dtype=np.intp))
         return cls(residuals, starts, noise_known, Precision.of(jacobian[0]), len(joint.nuisance))
 
     @property
@@ -174,7 +176,7 @@ class Estimator:
         minima, everything = found.minima, np.arange(len(y))
         if not self.noise_known:
             residuals = replace(residuals, covariance=found.noise[:, None])
-        _, jacobian, _ = residuals(minima.z, everything)
+        _, jacobian, _ = residuals.scores(minima.z, everything)
         held = unknowns.held(minima.z)
         covariance, determined = covariances(jacobian, held)
         degrees_of_freedom = np.full(minima.z.shape, np.inf)

@@ -72,7 +72,7 @@ class PartWork:
 
     def parts(self, thetas: Array, seed: int, sizes: Iterable[int]) -> Iterator[Part]:
         """Cut the experiments into parts of these sizes; the random numbers before a part are drawn and dropped."""
-        streams = {name: Streams.of(seed) for name in self.experiments}
+        streams = {name: Streams.of(seed, len(one.rig.sensors.std)) for name, one in self.experiments.items()}
         first = 0
         for size in sizes:
             if first >= len(thetas):

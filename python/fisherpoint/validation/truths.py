@@ -17,6 +17,9 @@ from ..information.assumed import Assumed, assumed_of
 from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
 from ..models import Model
+from ..noise.draws import memories, readings
+from ..noise.models import NoiseOf
+from ..noise.sensors import Sensors
 from ..points.parameter_checks import sensible
 from ..points.runs import Points, as_runs
 from ..points.simulate import simulate
@@ -37,23 +40,21 @@ class Rig:
     assumed : Assumed or None
         What deviates from one virtual experiment to the next (constants), and from point to point or run to run; None where nothing
         does.
-    std : ndarray, (n_y,)
-        NaN for an output that is not measured.
+    sensors : Sensors
     """
 
     model: Model
     assumed: Assumed | None
-    std: Array
+    sensors: Sensors
 
     @classmethod
-    def of(cls, problem: DesignProblem, truth: Model | None, noise: Mapping[str, float]) -> Rig:
+    def of(cls, problem: DesignProblem, truth: Model | None, noise: NoiseOf) -> Rig:
         """The rig that the problem describes; a `truth` has exactly its own constants."""
         model, uncertain, varies = (problem.model, problem.uncertain, problem.varies) if truth is None else (truth, None, None)
         starts, assumed = problem.initial_state_std, None
         if uncertain or varies or starts:
             assumed = assumed_of(model, uncertain, varies, starts, problem.shared_starts)
-        std = np.array([noise.get(name, np.nan) for name in names_of(model.outputs)])
-        return cls(model, assumed, std)
+        return cls(model, assumed, Sensors.of(noise, names_of(model.outputs)))
 
     def measure(self, points: Points, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray, Array]:
         """Results of virtual experiments with true parameters (B, p).
@@ -69,7 +70,7 @@ class Rig:
         """
         runs = as_runs(points)
         count, n_runs, n_samples = len(theta), len(runs), int(runs.measured.sum())
-        noise, common, anew = self.deviations(points, count, rng)
+        white, memory, common, anew = self.deviations(points, count, rng)
         model, true = self.model, np.repeat(theta, n_runs, axis=0)
         if self.assumed is not None:
             assumed, model = self.assumed, self.assumed.model
@@ -78,23 +79,32 @@ class Rig:
             true[:, assumed.columns] += anew
         status = np.full(count * n_runs, Status.not_finite, dtype=np.int32)
         rows = np.flatnonzero(sensible(model, true))
-        y = np.zeros((count * n_runs, runs.dt.shape[1], len(self.std)))
+        y = np.zeros((count * n_runs, runs.dt.shape[1], len(self.sensors.std)))
         if len(rows):
             many = np.tile(np.arange(n_runs), count)[rows]
             done = simulate(model, runs[many], true[rows], rtol=TRUTH_RTOL, threads=threads, jumps="cross")
             y[rows], status[rows] = done.y, done.status
         y = y[np.tile(runs.measured, (count, 1))]
-        return y.reshape(count, n_samples, -1) + noise, first_failure(status.reshape(count, n_runs)), common
+        shown = readings(self.sensors, y.reshape(count, n_samples, -1), white, memory)
+        shown[:, :, ~self.sensors.measured] = np.nan
+        return shown, first_failure(status.reshape(count, n_runs)), common
 
-    def deviations(self, points: Points, count: int, rng: Streams) -> tuple[Array, Array, Array]:
-        """Draw what deviates in the next experiments: noise (B, S, n_y), constants (B, q), and what is drawn anew in each run."""
-        runs = as_runs(points)
-        noise = self.std * rng.noise.standard_normal((count, int(runs.measured.sum()), len(self.std)))
+    def deviations(self, points: Points, count: int, rng: Streams) -> tuple[Array, Array, Array, Array]:
+        """Draw what deviates in the next experiments.
+
+        Standard normal numbers and the noise with a memory (B, S, n_y), constants (B, q), and what is drawn anew in each run.
+        """
+        runs, n_y = as_runs(points), len(self.sensors.std)
+        white = rng.noise.standard_normal((count, int(runs.measured.sum()), n_y))
+        memory = np.zeros(white.shape)
+        if self.sensors.parts:
+            of_runs = memories(self.sensors, np.tile(runs.dt, (count, 1)), rng.memories)
+            memory = of_runs[np.tile(runs.measured, (count, 1))].reshape(white.shape)
         if self.assumed is None:
-            return noise, np.zeros((count, 0)), np.zeros((count * len(runs), 0))
+            return white, memory, np.zeros((count, 0)), np.zeros((count * len(runs), 0))
         assumed = self.assumed
         common = assumed.nuisance_std * rng.constants.standard_normal((count, len(assumed.nuisance)))
-        return noise, common, assumed.std * rng.anew.standard_normal((count * len(runs), len(assumed.columns)))
+        return white, memory, common, assumed.std * rng.anew.standard_normal((count * len(runs), len(assumed.columns)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,21 +114,28 @@ class Streams:
     noise: np.random.Generator
     constants: np.random.Generator
     anew: np.random.Generator
+    memories: tuple[np.random.Generator, ...]
 
     @classmethod
-    def of(cls, seed: int) -> Streams:
-        return cls(*(np.random.default_rng([seed, stream]) for stream in (1, 2, 3)))
+    def of(cls, seed: int, outputs: int) -> Streams:
+        """Those of so many outputs, of which each has its own for noise with a memory."""
+        noise, constants, anew, *memories = (np.random.default_rng([seed, stream]) for stream in range(1, 4 + outputs))
+        return cls(noise, constants, anew, tuple(memories))
+
+    @property
+    def _all(self) -> tuple[np.random.Generator, ...]:
+        return self.noise, self.constants, self.anew, *self.memories
 
     @property
     def position(self) -> tuple[Mapping[str, Any], ...]:
         """How far they are: a value, from which `at` goes on."""
-        return tuple(one.bit_generator.state for one in (self.noise, self.constants, self.anew))
+        return tuple(one.bit_generator.state for one in self._all)
 
     @classmethod
     def at(cls, position: Sequence[Mapping[str, Any]]) -> Streams:
         """Random numbers that go on from a position."""
-        streams = cls.of(0)
-        for one, state in zip((streams.noise, streams.constants, streams.anew), position, strict=True):
+        streams = cls.of(0, len(position) - 3)
+        for one, state in zip(streams._all, position, strict=True):
             one.bit_generator.state = state
         return streams
 

@@ -14,7 +14,8 @@ from ..design.compare.compare import named_designs
 from ..engine.workers import Distributor, Workers, distributed_over
 from ..information.problem import DesignProblem
 from ..models import Model
-from ..noise.models import checked_noise, white_alone
+from ..noise.models import NoiseOf, checked_noise
+from ..noise.sensors import Sensors
 from ..points.runs import Points
 from ..points.settings import check_threads
 from ..points.status import NoTrajectory
@@ -33,7 +34,7 @@ def validate(
     problem: DesignProblem,
     designs: Any,
     *,
-    noise: Mapping[str, float] | None = None,
+    noise: NoiseOf | None = None,
     runs: int = 1000,
     theta: str | Mapping[str, float] = "prior",
     seed: int = 0,
@@ -46,7 +47,7 @@ def validate(
 ) -> Validation:
     """Measure designs virtually many times, estimate the parameters each time, and compare with what the designs promise.
 
-    Every virtual experiment has true parameters, data y(theta) + v with v normal of standard deviations `noise`, and a fit
+    Every virtual experiment has true parameters, data y(theta) + v with the sensors' noise v, and a fit
     that starts from the prior mean, and goes on from other starts, as `estimate` does, where that ends in no minimum or in a wrong
     one: a search from the true parameters shows which are wrong.
 
@@ -57,8 +58,9 @@ def validate(
         point, or run; the fits take the covariance that this adds to the outputs at the prior mean.
     designs : Experiments, Runs or a design, or a sequence, or a mapping of name to these
         They share the true parameters and the random numbers. Without names they are called "design", or "design 1" and so on.
-    noise : mapping of output name to float, optional
-        Standard deviations of the sensor noise, SI units. Outputs that are left out are not measured. Default: the problem's.
+    noise : mapping of output name to float or Noise, or NoiseModel, optional
+        The sensor noise, SI units: a number is the standard deviation of white noise. Outputs that are left out are not measured.
+        Default: the problem's.
     runs : int
         Number of virtual experiments with each design.
     theta : "prior", "mean", or mapping of parameter name to float
@@ -103,17 +105,19 @@ def validate(
         raise ValueError("noise_known: expected True beside varies or initial_state_std, given False")
     if truth is not None:
         _check_truth(truth, problem.model)
-    std = _measured_noise(problem, noise)
+    of_sensors = _measured_noise(problem, noise)
+    if not noise_known and not Sensors.of(of_sensors, names_of(problem.model.outputs)).white:
+        raise ValueError(f"noise_known: expected True beside noise that is more than white, {of_sensors!r}; given False")
     check_progress(progress)
     begin = perf_counter()
     thetas, redrawn = truths_of(problem, theta, count, seed)
-    rig = Rig.of(problem, truth, std)
+    rig = Rig.of(problem, truth, of_sensors)
     without: dict[str, NoTrajectory] = {}
     estimators = {}
     with distributed_over(workers, threads) as distributor:
         for name, points in named.items():
             try:
-                estimators[name] = _estimator(name, problem, points, std, noise_known, use_prior, distributor.threads)
+                estimators[name] = _estimator(name, problem, points, of_sensors, noise_known, use_prior, distributor.threads)
             except NoTrajectory as error:
                 without[name] = error
         if not estimators:
@@ -142,7 +146,7 @@ def validate(
     return Validation(
         problem,
         FrozenMapping(validations),
-        FrozenMapping(std),
+        of_sensors,
         made,
         described,
         seed,
@@ -159,13 +163,13 @@ def _estimator(
     name: str,
     problem: DesignProblem,
     points: Points,
-    std: dict[str, float],
+    noise: NoiseOf,
     noise_known: bool,
     use_prior: bool,
     threads: int,
 ) -> Estimator:
     try:
-        return Estimator.of(problem, points, std, noise_known, use_prior, RTOL, threads)
+        return Estimator.of(problem, points, noise, noise_known, use_prior, RTOL, threads)
     except NoTrajectory:
         raise
     except ValueError as error:
@@ -211,10 +215,8 @@ def _check_truth(truth: Model, model: Model) -> None:
             raise ValueError(f"truth: expected the {kind} {listed(expected)}; given {listed(given)}")
 
 
-def _measured_noise(problem: DesignProblem, given: Mapping[str, float] | None) -> dict[str, float]:
-    """Standard deviations of the outputs that are measured."""
+def _measured_noise(problem: DesignProblem, given: NoiseOf | None) -> NoiseOf:
+    """The noise of the outputs that are measured."""
     if given is None and problem.noise is None:
         raise ValueError("noise: expected the sensor noise, which the problem does not have either; given none")
-    outputs = names_of(problem.model.outputs)
-    noise = checked_noise(problem.noise if given is None else given, outputs)
-    return dict(white_alone(noise, "noise", "of fits"))
+    return checked_noise(problem.noise if given is None else given, names_of(problem.model.outputs))

@@ -11,6 +11,7 @@ from ..basics.result_files import Codec
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
+from ..noise.models import NoiseOf
 from .design_validation import DesignValidation
 
 
@@ -22,7 +23,7 @@ class ValidatedDesigns:
     ----------
     problem : DesignProblem
     designs : mapping of name to DesignValidation
-    noise : mapping of output name to float
+    noise : mapping of output name to float or Noise, or NoiseModel
         Of the outputs that were measured.
     runs : int
         Virtual experiments with each design that were made.
@@ -42,7 +43,7 @@ class ValidatedDesigns:
 
     problem: DesignProblem
     designs: Mapping[str, DesignValidation]
-    noise: Mapping[str, float]
+    noise: NoiseOf
     runs: int
     theta: str | Mapping[str, float]
     seed: int
@@ -57,7 +58,6 @@ class ValidatedDesigns:
     _EXTENTS: ClassVar[Extents] = {
         "designs": ("+",),
         "designs.parameters": ("problem.estimated",),
-        "noise": ("some problem.model.outputs",),
     }
 
     @property
