@@ -6,8 +6,9 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from ..data.record import Record
 from ..information.assumed import assumed_of
 from ..information.deviations import EXACT, Deviations
 from ..models import Model
-from ..noise.models import NoiseOf, checked_noise, outputs_of
+from ..noise.models import Noise, NoiseOf, checked_noise, outputs_of
 from ..noise.sensors import Sensors
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import check_rtol, resolve_threads
@@ -31,6 +32,7 @@ from ..show.numbers import counted
 from ..show.progress import Progress, check_progress, following
 from .fit import Fit
 from .known_noise import KnownNoise
+from .noise_search import with_noise_found
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
 from .observed import Observed, check_outputs
 from .residual_report import residual_findings
@@ -59,7 +61,7 @@ def estimate(
     *,
     start: Mapping[str, float] | GaussianPrior | None = None,
     parameters: Sequence[str] | None = None,
-    noise: NoiseOf | None = None,
+    noise: NoiseOf | Literal["estimated"] | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     deviations: Deviations = EXACT,
     starts: int = 8,
@@ -88,7 +90,8 @@ def estimate(
         Names of the parameters to estimate; the others are known to be at their start. Default: all.
     noise : mapping of output name to float or Noise, or NoiseModel, optional
         The sensor noise, SI units: a number is the standard deviation of white noise. Data of outputs that are not named are left
-        out. Default: white noise that is not known, and all outputs take part.
+        out. "estimated" looks for the smallest noise that leaves white residuals: white, growing, with a memory
+        (docs/how_to/noise.md). Default: white noise that is not known, and all outputs take part.
     bounds : mapping of name to (lower, upper), optional
         None for no bound. Default: what the model itself demands (`Model.least`).
     deviations : Deviations, optional
@@ -121,6 +124,7 @@ def estimate(
     check_progress(progress)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
+    look_for, noise = noise == "estimated", None if isinstance(noise, str) else noise
     if noise is not None:
         noise = checked_noise(noise, names_of(model.outputs))
     check_type(deviations, Deviations, "deviations")
@@ -181,12 +185,23 @@ def estimate(
 
         fit = _fit(model, nuisance, parts, prior, noise, of_sensors, found, len(z0))
         if not fit.noise_known:
-            return _heard_of(_with_unbiased_noise(fit))
+            fit = _with_unbiased_noise(fit)
+            return _heard_of(with_noise_found(fit, partial(_refitted, residuals)) if look_for else fit)
         if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
             further = further_starts(found.residuals, begin, spread, len(z0))
             again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), known)
             fit = _better(fit, _fit(model, nuisance, parts, prior, noise, of_sensors, again, len(z0) + len(further)))
         return _heard_of(fit)
+
+
+def _refitted(residuals: WeightedResiduals, fit: Fit, noise: Mapping[str, Noise]) -> Fit:
+    """The fit by noise that was found, from the estimate of another fit."""
+    sensors, observed = Sensors.of(noise, names_of(fit.model.outputs)), residuals.observed
+    covariance, of_samples = np.diag(np.square(sensors.nominal_std)), SensorNoise.of(sensors, fit.data, False, 1)
+    known = KnownNoise(observed.model, fit.data, covariance, of_samples, None, None, None, observed.rtol, 1)
+    found = search_with_known_noise(residuals, fit.z[None], known)
+    again = _fit(fit.model, fit.nuisance, fit.data, fit.prior, noise, covariance, found, fit.starts)
+    return replace(again, noise_known=False, reached=fit.reached, evaluations=fit.evaluations + found.evaluations)
 
 
 def _heard_of(fit: Fit) -> Fit:

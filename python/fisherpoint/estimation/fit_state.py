@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -22,6 +23,7 @@ from ..noise.models import NoiseOf, checked_noise
 from ..noise.sensors import Sensors
 from ..points.settings import resolve_threads
 from ..prior.gaussian import GaussianPrior
+from .noise_estimate import OutputNoiseEstimate
 from .nuisance import Nuisance, known_beforehand
 from .observed import Observed, check_outputs
 from .sensor_noise import SensorNoise
@@ -37,6 +39,7 @@ class FitState(Kept):
     Attributes
     ----------
     model, data, prior, nuisance, theta, values, noise_known, noise, noise_covariance, stop_reason, evaluations, starts, reached
+    noise_estimate
         As of `FitStatistics`.
     prior_takes_part : bool
         Whether the prior is in the residuals; else it was only given.
@@ -73,6 +76,7 @@ class FitState(Kept):
     evaluations: int
     starts: int
     reached: int
+    noise_estimate: Mapping[str, OutputNoiseEstimate] | None = None
 
     _CODEC: ClassVar[Codec] = {Model: (model_to_json, model_from_json)}
     _EXTENTS: ClassVar[Extents] = {
@@ -112,6 +116,7 @@ class FitState(Kept):
             evaluations=fit.evaluations,
             starts=fit.starts,
             reached=fit.reached,
+            noise_estimate=fit.noise_estimate,
         )
 
     def fields(self) -> dict[str, Any]:
@@ -141,7 +146,7 @@ class FitState(Kept):
         response = observed.respond(values[None])
         kept = ("model", "data", "prior", "nuisance", "theta", "values", "noise_known", "noise", "noise_covariance", "stop_reason")
         return {
-            **{name: getattr(self, name) for name in (*kept, "evaluations", "starts", "reached")},
+            **{name: getattr(self, name) for name in (*kept, "evaluations", "starts", "reached", "noise_estimate")},
             "predicted": response.y[0],
             "residuals": observed.y - response.y[0],
             "weighted": weighted,

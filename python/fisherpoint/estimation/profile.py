@@ -242,7 +242,7 @@ def _minimum(
 
 
 def _held_minimum(fit: FitStatistics, j: int) -> Minimum:
-    if not fit.noise_known:
+    if fit.noise is None:
         return _held_likelihood(fit, j)
     least = 0.5 * np.square(fit.weighted(fit.z[None], np.zeros(1, dtype=np.intp))[0]).sum()
 
@@ -300,6 +300,8 @@ def _threshold(fit: FitStatistics, j: int, level: float) -> float:
 
     if fit.noise_known:
         return float(norm.ppf(0.5 + level / 2) ** 2)
+    if fit.noise is not None:
+        return float(t.ppf(0.5 + level / 2, fit.quantile_degrees_of_freedom[fit.parameters[j]]) ** 2)
     counts = fit.weighted.measured.sum(axis=0)
     maximum_likelihood = residual_covariance(fit.residuals[None])[0] * _kept(fit) + np.diag(1.0 * (counts == 0))
     weighted = replace(fit.weighted, covariance=maximum_likelihood)

@@ -55,19 +55,9 @@ class SensorNoise:
             return None
         if anew and (np.isfinite(sensors.lower).any() or np.isfinite(sensors.upper).any()):
             raise ValueError("limits: expected none beside varies or starts that deviate, given both")
-        times, series, first = [], [], 0
-        for part in data:
-            if isinstance(part, Record):
-                own, at = np.zeros(len(part), dtype=np.intp), part.t
-            else:
-                runs = part.runs
-                own, at = np.nonzero(runs.measured)[0], np.cumsum(runs.dt, axis=1)[runs.measured]
-            times.append(at)
-            series.append(first + own)
-            first += int(own.max(initial=-1)) + 1
-        whole = np.concatenate(times)
-        outputs = np.zeros((len(whole), len(sensors.std)))
-        return cls(sensors, whole, np.concatenate(series), outputs, anew or not sensors.independent, threads)
+        times, series = times_and_series(data)
+        outputs = np.zeros((len(times), len(sensors.std)))
+        return cls(sensors, times, series, outputs, anew or not sensors.independent, threads)
 
     @property
     def changes(self) -> bool:
@@ -121,6 +111,21 @@ class SensorNoise:
     def kurtosis(self, y: Array, output: int) -> Array:
         """Fourth moments (N,) of the score residuals of one output at noise-free outputs y (N, n_y)."""
         return np.full(len(y), 3.0) if self.normal else score_kurtosis(y[:, output], self.sensors, output)
+
+
+def times_and_series(data: Sequence[Measurements | Record]) -> tuple[Array, NDArray[np.intp]]:
+    """Times (N,) of the samples in their run or record, s, and the number (N,) of that; a point has a number of its own."""
+    times, series, first = [], [], 0
+    for part in data:
+        if isinstance(part, Record):
+            own, at = np.zeros(len(part), dtype=np.intp), part.t
+        else:
+            runs = part.runs
+            own, at = np.nonzero(runs.measured)[0], np.cumsum(runs.dt, axis=1)[runs.measured]
+        times.append(at)
+        series.append(first + own)
+        first += int(own.max(initial=-1)) + 1
+    return np.concatenate(times), np.concatenate(series)
 
 
 @dataclass(frozen=True, eq=False)

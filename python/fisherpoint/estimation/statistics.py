@@ -21,6 +21,7 @@ from ..points.predictive import predictive_covariance
 from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE
+from .noise_estimate import OutputNoiseEstimate, student_degrees
 from .nuisance import Nuisance
 from .precision import Precision, in_words, quantile
 from .residual_checks import OFF, ResidualCheck, Series, WhitenedRows, residual_checks, robust
@@ -74,7 +75,7 @@ class FitStatistics:
         Of all samples in a row, run after run, SI units; measured - predicted, NaN where not measured.
     noise_known : bool
     noise : mapping of output name to float or Noise, NoiseModel, or None
-        As it was given; None where it was not.
+        As it was given or, by `noise_estimate`, found; None where it is white and estimated.
     noise_covariance : ndarray, (n_y, n_y)
         R: of the given noise where the outputs are zero, or the estimated one, with each variance divided by its degrees of freedom
         instead of the samples.
@@ -85,6 +86,8 @@ class FitStatistics:
         Starts of the search, and how many of them came to this minimum.
     weighted : WeightedResiduals
         The residuals in units of the noise, with the prior's, as a function of the unknowns: what was minimised.
+    noise_estimate : mapping of output name to OutputNoiseEstimate, or None
+        Where it was looked for.
     """
 
     model: Model
@@ -103,6 +106,7 @@ class FitStatistics:
     starts: int
     reached: int
     weighted: WeightedResiduals
+    noise_estimate: Mapping[str, OutputNoiseEstimate] | None = None
 
     @property
     def converged(self) -> bool:
@@ -136,7 +140,7 @@ class FitStatistics:
     def precision(self) -> Precision:
         """The a-posteriori information, standardised; where the noise was estimated, the covariance has its share."""
         precision = self._precision
-        return precision if self.noise_known else replace(precision, covariance=self._inflated.covariance[0])
+        return precision if self.noise is not None else replace(precision, covariance=self._inflated.covariance[0])
 
     @property
     def information(self) -> Array:
@@ -318,6 +322,8 @@ class FitStatistics:
         """
         if self.noise_known:
             return self._by_name(np.full(len(self.values), np.inf))
+        if self.noise is not None:
+            return self._by_name(self._degrees_by_noise)
         return self._by_name(self._inflated.degrees_of_freedom[0])
 
     def intervals(self, level: float = 0.95) -> Mapping[str, tuple[float, float]]:
@@ -360,6 +366,11 @@ class FitStatistics:
         measured = np.isfinite(self.residuals)
         full = correlations_can_be_estimated(measured, len(self.values))
         return inflated(self._data_jacobian, self._precision.covariance[None], measured.sum(axis=0), full)
+
+    @cached_property
+    def _degrees_by_noise(self) -> Array:
+        outputs = names_of(self.model.outputs)
+        return student_degrees(self.weighted, self.z, self.held, outputs, self.data, self.noise_estimate or {})
 
     @property
     def _whitened_rows(self) -> WhitenedRows:

@@ -197,6 +197,15 @@ class WeightedResiduals:
                 array[:, error.rows] = error.whitened(array[:, error.rows])
         return white
 
+    def rows(self, y: Array, jacobian: Array) -> Array:
+        """Rows (M, P) of which the squares add up to the information, of predicted outputs (1, N, n_y) and derivatives by z."""
+        if (readings := self._readings) is not None:
+            white = readings.scores(y, jacobian)[1]
+        else:
+            white = self._whitened(self.covariance, jacobian)[0]
+        rows = white.reshape(-1, jacobian.shape[3])
+        return rows if self.prior_factor is None else np.concatenate([rows, self.prior_factor])
+
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Residuals (B, M) of which half the squares are minimised, their Jacobian (B, M, P), and whether they are there (B,)."""
         return self._at(z, rows, scores=False)
