@@ -45,7 +45,10 @@ def estimate(
     ],
     column: Columns = None,
     noise: Annotated[
-        NoiseInFits | None, typer.Option(help="Known: \\[noise]; estimated: from the residuals. Default: known if the file has it.")
+        NoiseInFits | None,
+        typer.Option(
+            help="Known: \\[noise]; estimated: the smallest that leaves white residuals. Default: known if the file has it."
+        ),
     ] = None,
     no_prior: Annotated[
         bool,
@@ -100,7 +103,7 @@ def estimate(
                 None if no_prior else problem.prior,
                 start=problem.prior if no_prior else None,
                 parameters=problem.parameters,
-                noise=problem.noise if known else None,
+                noise=problem.noise if known else "estimated",
                 # Noise that is estimated has what is drawn anew in it.
                 deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
                 threads=frame.threads,

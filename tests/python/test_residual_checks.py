@@ -67,7 +67,7 @@ def test_a_memory_is_said_first_and_of_its_output_alone() -> None:
     first, second, *_ = fit.report().warnings
     assert first.startswith("y: the residuals are not white, with a correlation of 0.")
     assert second.startswith("standard errors are about ") or second.startswith("the data are only ")
-    assert "times too small for g" in second and "declare noise with a memory" in second
+    assert "times too small for g" in second and "let the noise be found" in second
     assert fit.robust_ratios["g"] == pytest.approx(np.sqrt(1.9 / 0.1), rel=0.4)
     (row,) = [line for line in str(fit).split("\n") if line.strip().startswith("g ")]
     assert f"{fit.robust_standard_errors['g']:.3g}" in row

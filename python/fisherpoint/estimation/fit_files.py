@@ -17,6 +17,7 @@ from ..basics.result_files import content_of, encoded, sealed
 from ..data.measurements import Measurements
 from . import report
 from .fit_state import FitState
+from .noise_estimate import OutputNoiseEstimate
 from .picture_list import PICTURES
 from .residual_checks import ResidualCheck
 from .statistics import FitStatistics
@@ -59,6 +60,7 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
             "information": fit.information,
             "outputs": outputs,
             "noise_covariance": fit.noise_covariance,
+            "noise_estimate": {name: _noise_dict(found) for name, found in (fit.noise_estimate or {}).items()},
             "residual_covariance": fit.residual_covariance,
             "chi_square": fit.chi_square,
             "degrees_of_freedom": fit.degrees_of_freedom,
@@ -72,6 +74,16 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
         }
     )
     return plain
+
+
+def _noise_dict(found: OutputNoiseEstimate) -> dict[str, Any]:
+    return {
+        "form": found.form,
+        "values": dict(found.values),
+        "standard_errors": dict(found.standard_errors),
+        "penalised_deviance_above_least": dict(found.tried),
+        "correlation_times": found.correlation_times,
+    }
 
 
 def _check_dict(check: ResidualCheck) -> dict[str, Any]:

@@ -41,7 +41,7 @@ class OutputNoiseEstimate:
     tried : mapping of form to float
         By how much the penalised deviance, -2 log L + k log n, of each form is above the least.
     correlation_times : float
-        Length of the longest run or record in the longest correlation time; inf without a memory.
+        Length of all runs and records in the longest correlation time; inf without a memory.
     """
 
     form: str

@@ -110,7 +110,7 @@ class FormOfNoise:
 
 
 def likely_forms(likelihood: RestrictedLikelihood) -> list[FormOfNoise]:
-    """The most likely noise of each form that the data may tell apart, from the least penalised deviance on."""
+    """The most likely noise of each form that the data may show, from the least penalised deviance on."""
     degrees = likelihood.degrees_of_freedom
     several, found = degrees >= FEWEST, []
     for form in FORMS:
@@ -207,7 +207,7 @@ def _shares(form: NoiseForm, shape: Array) -> list[float]:
 def _bounded(log_times: Array, likelihood: RestrictedLikelihood) -> Array:
     if not len(log_times):
         return log_times
-    low, high = SHORTEST * likelihood.step, LONGEST * likelihood.span
+    low, high = SHORTEST * likelihood.step, LONGEST * float(likelihood.spans.max())
     return np.exp(np.clip(log_times, np.log(low), np.log(max(high, low))))
 
 
@@ -218,7 +218,7 @@ def _size(likelihood: RestrictedLikelihood) -> float:
 def _starts(likelihood: RestrictedLikelihood, form: NoiseForm) -> Iterator[Array]:
     growths = [[-2.0], [0.0], [2.0]] if form.grows else [[]]
     logits = [np.log(share / (1 - share)) for share in SHARES]
-    low, high = (np.log(factor) for factor in (0.5 * likelihood.step or 1.0, LONGEST * likelihood.span or 1.0))
+    low, high = (np.log(factor) for factor in (0.5 * likelihood.step or 1.0, LONGEST * float(likelihood.spans.max()) or 1.0))
     times = np.linspace(low, max(high, low), TIMES)
     for growth in growths:
         if not form.parts:

@@ -117,5 +117,5 @@ def _estimate(fit: Fit, output: int, one: FormOfNoise, tried: list[FormOfNoise])
         values=FrozenMapping(dict(zip(one.form.labels, values, strict=True))),
         log_covariance=log_covariance(likelihood, one),
         tried=FrozenMapping({form.form.name: form.penalised - least for form in tried}),
-        correlation_times=likelihood.span / longest if longest else np.inf,
+        correlation_times=float(likelihood.spans.sum()) / longest if longest else np.inf,
     )

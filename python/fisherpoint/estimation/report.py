@@ -14,7 +14,7 @@ from ..show.numbers import counted, digits_of, number, percent, probability
 from ..show.section import Report, Section
 from .profile_curve import ProfileCurve
 from .residual_checks import OFF
-from .residual_report import residual_findings, residual_section, robust_errors_differ
+from .residual_report import noise_section, residual_findings, residual_section, robust_errors_differ
 from .stability import Stability
 from .statistics import NUMERICAL, FitStatistics
 
@@ -39,7 +39,8 @@ def headline(fit: FitStatistics) -> str:
     """Headline: what was estimated, how, and from what."""
     count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
     kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
-    kind = "weighted least squares" if fit.noise_known else kind
+    kind = "weighted least squares" if fit.noise is not None else kind
+    kind += ", noise found in the residuals" if fit.noise is not None and not fit.noise_known else ""
     if fit.prior is not None and fit.weighted.prior_factor is not None:
         kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
     unknowns = counted(len(fit.parameters), "unknown")
@@ -54,7 +55,7 @@ def fit_facts(fit: FitStatistics) -> list[tuple[str, str]]:
         ("model", fit.model.name),
         ("data", ", ".join(parts)),
         ("unknowns", ", ".join(fit.parameters)),
-        ("sensor noise, one std", given if fit.noise is not None else "estimated from the residuals"),
+        ("sensor noise, one std", given if fit.noise_known else " ".join(["estimated from the residuals", given]).strip()),
     ]
 
 
@@ -64,6 +65,7 @@ def sections(fit: FitStatistics) -> Iterator[Section]:
     if fit.prior is not None and fit.weighted.prior_factor is not None:
         yield _beside_prior(fit, fit.prior)
     yield _outputs(fit)
+    yield from noise_section(fit)
     yield from residual_section(fit)
     if len(fit.tests) > 1 and not fit.noise_known:
         yield _noise_correlation(fit)

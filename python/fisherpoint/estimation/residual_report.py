@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..basics.quantity import names_of
 from ..show.numbers import counted, number, p_value_text, probability
 from ..show.section import Section
 from .residual_checks import LONG, OFF, ResidualCheck
@@ -14,6 +15,9 @@ from .statistics import FitStatistics
 
 DIFFERENT, VERY_DIFFERENT = 1.5, 2.0
 """Ratio of robust and other standard errors from which on both are shown, and from which on many series alone are a finding."""
+
+CORRELATED, UNLIKELY = 0.2, 4.0
+"""Correlation of the residuals of two outputs from which on it matters, and in standard deviations by chance, it is a finding."""
 
 NAMED = 4
 """Unknowns whose standard errors are too small that a sentence names."""
@@ -37,6 +41,8 @@ def residual_findings(fit: FitStatistics) -> Iterator[str]:
                 f"{signs.most // 2} are expected: the model lacks something that depends on {signs.setting}, and standard errors "
                 "do not have it"
             )
+    yield from _short_memories(fit)
+    yield from _correlated_outputs(fit)
     if not correlated and fit.robust.weight >= MANY_SERIES and _largest(fit) > VERY_DIFFERENT:
         yield (
             f"residuals scatter unevenly: standard errors are {_how_small(fit)}. Give the noise that these data have, or "
@@ -69,6 +75,23 @@ def residual_section(fit: FitStatistics) -> Iterator[Section]:
         yield Section("Are the residuals white?", columns, tuple(rows), tuple(marked), _notes(fit))
 
 
+def noise_section(fit: FitStatistics) -> Iterator[Section]:
+    """The noise that was found in the residuals, a row for each of its numbers."""
+    units, rows, notes = {q.name: q.unit for q in fit.model.outputs}, [], []
+    for name, found in (fit.noise_estimate or {}).items():
+        for k, (label, value) in enumerate(found.values.items()):
+            unit = "s" if label.startswith("correlation time") else "1" if label == "relative" else units[name]
+            error = found.standard_errors[label]
+            shown = number(error, 2) if np.isfinite(error) else "-"
+            rows.append((name if k == 0 else "", found.form if k == 0 else "", label, unit, number(value), shown))
+        others = sorted((more, form) for form, more in found.tried.items() if form != found.form)
+        if others:
+            notes.append(f"{name}: the next form by penalised likelihood is {others[0][1]}, {number(others[0][0], 2)} above.")
+    if rows:
+        columns = ("output", "form", "", "unit", "value", "std error")
+        yield Section("Noise found in the residuals", columns, tuple(rows), (), tuple(notes))
+
+
 def _notes(fit: FitStatistics) -> tuple[str, ...]:
     if all(check.memory is None for check in fit.residual_checks.values()):
         return ()
@@ -76,6 +99,35 @@ def _notes(fit: FitStatistics) -> tuple[str, ...]:
     if fit.robust.method == "series":
         return (lags, "Robust standard errors count each run, record and point as one.")
     return (lags, f"Robust standard errors are by Newey and West's window of {fit.robust.bandwidth:.1f} lags, after prewhitening.")
+
+
+def _short_memories(fit: FitStatistics) -> Iterator[str]:
+    for name, found in (fit.noise_estimate or {}).items():
+        if found.correlation_times < LONG:
+            yield (
+                f"{name}: the data are only {number(found.correlation_times, 2)} correlation times of the noise long: too short to show "
+                f"how large standard errors are, which takes {LONG:g}. Measure longer"
+            )
+
+
+def _correlated_outputs(fit: FitStatistics) -> Iterator[str]:
+    """Pairs of outputs whose whitened residuals are correlated, where the noise of the fit is without that."""
+    if fit.noise is None:
+        return
+    measured, white, names = np.isfinite(fit.residuals), fit.whitened, list(fit.residual_checks)
+    places = [names_of(fit.model.outputs).index(name) for name in names]
+    for k, i in enumerate(places):
+        for name, j in zip(names[:k], places[:k], strict=True):
+            both = measured[:, i] & measured[:, j]
+            left = int(both.sum()) - len(fit.parameters)
+            a, b = white[both, i], white[both, j]
+            size = float(np.sqrt(np.square(a).sum() * np.square(b).sum()))
+            correlation = float(a @ b) / size if size > 0 else 0.0
+            if left > 0 and abs(correlation) > CORRELATED and abs(correlation) * np.sqrt(left) > UNLIKELY:
+                yield (
+                    f"{name} and {names[k]}: the residuals are correlated by {correlation:.2f}, which the noise is not: give it in "
+                    "fp.NoiseModel(correlation=...), or look for what the model lacks"
+                )
 
 
 def _how(check: ResidualCheck) -> str:
@@ -88,7 +140,9 @@ def _how(check: ResidualCheck) -> str:
 
 
 def _consequence(fit: FitStatistics, correlated: dict[str, ResidualCheck]) -> str:
-    advice = "declare noise with a memory, or look for what the model lacks"
+    advice = 'let the noise be found, by noise="estimated", or look for what the model lacks'
+    if fit.noise_estimate is not None:
+        advice = "the noise has a form that is not among those that are tried, or the model lacks something"
     times = min(check.correlation_times for check in correlated.values())
     if fit.robust.method == "window" and times < LONG:
         return (

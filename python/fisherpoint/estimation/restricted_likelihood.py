@@ -61,7 +61,7 @@ class RestrictedLikelihood:
 
     @classmethod
     def of(cls, e: Array, jacobian: Array, times: Array, outputs: Array, series: NDArray[np.intp]) -> RestrictedLikelihood:
-        """Of residuals (n,), their derivatives (n, P), times, outputs, and the number of each sample's series."""
+        """That of residuals (n,), their derivatives (n, P), times, outputs, and the number of each sample's series."""
         some = slice(MOST_SAMPLES)
         e, jacobian, times, outputs, series = e[some], jacobian[some], times[some], outputs[some], series[some]
         length = np.linalg.norm(jacobian, axis=0)
@@ -75,11 +75,12 @@ class RestrictedLikelihood:
         """Samples less what the unknowns take up."""
         return len(self.columns) - int(self.columns.shape[1]) + 1
 
-    @property
-    def span(self) -> float:
-        """Duration of the longest series, s; zero where each has one sample."""
+    @cached_property
+    def spans(self) -> Array:
+        """Duration of each series, s; zero of one sample."""
         firsts = np.cumsum(self.lengths) - self.lengths
-        return float((self.times[firsts + self.lengths - 1] - self.times[firsts]).max(initial=0.0))
+        spans: Array = self.times[firsts + self.lengths - 1] - self.times[firsts]
+        return spans
 
     @cached_property
     def step(self) -> float:

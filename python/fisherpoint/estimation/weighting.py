@@ -211,9 +211,9 @@ class WeightedResiduals:
         return self._at(z, rows, scores=False)
 
     def scores(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """The same of the residuals of variance 1, and rows of which the squares add up to the information: J^T e is the gradient.
+        """Residuals of variance 1, and rows of which the squares add up to the information: J^T e is the gradient.
 
-        Only of independent readings that are more than white they are others.
+        As in `__call__`; only of independent readings that are more than white they are others.
         """
         return self._at(z, rows, scores=True)
 

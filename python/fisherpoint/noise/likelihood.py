@@ -55,7 +55,7 @@ class ReadingLikelihood:
 
     @classmethod
     def of(cls, readings: Array, sensors: Sensors, output: int) -> ReadingLikelihood:
-        """Of the readings (N,) of an output, none of them NaN."""
+        """Likelihood of the readings (N,) of an output, none of them NaN."""
         std, relative, q = (float(of[output]) for of in (sensors.std, sensors.relative, sensors.resolution))
         lower, upper = float(sensors.lower[output]), float(sensors.upper[output])
         # A limit with its own rounding, as of a decimal number, is that limit.
@@ -87,7 +87,7 @@ class ReadingLikelihood:
         return replace(self, best=best, largest=largest)
 
     def shaped(self, shape: tuple[int, ...]) -> ReadingLikelihood:
-        """The same readings as an array of another shape, such as (B, N)."""
+        """These readings as an array of another shape, such as (B, N)."""
         each = (of.reshape(shape) for of in (self.low, self.high, self.best, self.largest))
         low, high, best, largest = each
         return replace(self, low=low, high=high, best=best, largest=largest)
