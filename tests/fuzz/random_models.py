@@ -41,6 +41,7 @@ ALSO = (
     "nice",
     "nice",
     "shared",
+    "noise",
     "runs",
     "runs",
     "runs",

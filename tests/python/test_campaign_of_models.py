@@ -15,6 +15,7 @@ from check_bits import Levels, compare_numbers
 from check_covariances import check_covariance
 from check_floats import check_floats, in_floats
 from check_nice import Depot, check_nice, compare
+from check_noise import check_noise
 from check_runs import by_points, check_runs
 from check_runs import compare as compare_run
 from check_sensitivities import check_sensitivities, largest_column
@@ -22,6 +23,7 @@ from check_shared import brute_force, check_shared
 from check_states import judge
 from checks import Bench, check_functions
 from figures import Figures
+from fisherpoint.noise.sensors import Sensors
 from given_cases import At
 from random_cylinders import MEAN, RATES, CylinderCase
 from random_models import Case
@@ -376,6 +378,31 @@ def test_shared_constants_by_brute_force(seed: int) -> None:
     bench = bench_of(seed)
     check_shared(bench)
     assert not found(bench)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_by_whole_covariances_and_sums(seed: int) -> None:
+    bench = bench_of(seed)
+    check_noise(bench)
+    assert not found(bench)
+    assert bench.figures.counts["noise: designs compared"]
+
+
+def test_a_forgotten_memory_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if a filter took samples for less correlated than they are."""
+    true = Sensors.of
+
+    def forgetful(noise: Any, names: Any) -> Sensors:
+        sensors = true(noise, names)
+        return replace(sensors, parts=tuple((output, std, 0.9 * time) for output, std, time in sensors.parts))
+
+    monkeypatch.setattr(Sensors, "of", staticmethod(forgetful))
+    kinds = set[str]()
+    for seed in range(8):
+        bench = bench_of(seed)
+        check_noise(bench)
+        kinds |= {finding.kind for finding in bench.findings}
+    assert kinds == {"wrong ok: covariance under noise", "wrong ok: estimate under noise"}
 
 
 # --- the campaign ----------------------------------------------------------------------------------------------------------

@@ -181,7 +181,7 @@ def check_type(given: object, expected: type, name: str) -> None:
 def check_choice(given: Any, choices: Sequence[str], name: str) -> str:
     """Return `given`, which is one of the texts."""
     if not isinstance(given, str) or given not in choices:
-        expected = f"{', '.join(map(repr, choices[:-1]))} or {choices[-1]!r}"
+        expected = " or ".join([*filter(None, [", ".join(map(repr, choices[:-1]))]), repr(choices[-1])])
         raise ValueError(f"{name}: expected {expected}, given {shown(given)}")
     return given
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..basics.checks import as_float, by_name, check_positive_int, check_type, some_names_among
+from ..basics.checks import as_float, by_name, check_choice, check_positive_int, check_type, some_names_among
 from ..basics.messages import listed, shown, stacklevel_of_user
 from ..basics.options import with_options
 from ..basics.quantity import names_of
@@ -124,7 +124,9 @@ def estimate(
     check_progress(progress)
     names = names_of(model.parameters)
     chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
-    look_for, noise = noise == "estimated", None if isinstance(noise, str) else noise
+    look_for = isinstance(noise, str)
+    if isinstance(noise, str):
+        noise = None if noise == "estimated" else check_choice(noise, ("estimated",), "noise")
     if noise is not None:
         noise = checked_noise(noise, names_of(model.outputs))
     check_type(deviations, Deviations, "deviations")

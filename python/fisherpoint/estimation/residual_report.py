@@ -105,8 +105,8 @@ def _short_memories(fit: FitStatistics) -> Iterator[str]:
     for name, found in (fit.noise_estimate or {}).items():
         if found.correlation_times < LONG:
             yield (
-                f"{name}: the data are only {number(found.correlation_times, 2)} correlation times of the noise long: too short to show "
-                f"how large standard errors are, which takes {LONG:g}. Measure longer"
+                f"{name}: the data are only {number(found.correlation_times, 2)} correlation times of the noise long: too short "
+                f"to show how large standard errors are, which takes {LONG:g}. Measure longer"
             )
 
 
