@@ -78,11 +78,13 @@ class NoiseForm:
 
 
 WHITE = NoiseForm("white", True, False, 0)
+MEMORY = NoiseForm("memory", False, False, 1)
+WHITE_AND_MEMORY = NoiseForm("white, memory", True, False, 1)
 FORMS = (
     WHITE,
     NoiseForm("growing", True, True, 0),
-    NoiseForm("memory", False, False, 1),
-    NoiseForm("white, memory", True, False, 1),
+    MEMORY,
+    WHITE_AND_MEMORY,
     NoiseForm("growing, memory", True, True, 1),
     NoiseForm("two memories", False, False, 2),
     NoiseForm("white, two memories", True, False, 2),
@@ -111,13 +113,20 @@ class FormOfNoise:
 
 def likely_forms(likelihood: RestrictedLikelihood) -> list[FormOfNoise]:
     """The most likely noise of each form that the data may show, from the least penalised deviance on."""
-    degrees = likelihood.degrees_of_freedom
-    several, found = degrees >= FEWEST, []
+    several, found = likelihood.degrees_of_freedom >= FEWEST, []
     for form in FORMS:
         if form is WHITE or (several and (not form.parts or likelihood.step > 0)):
-            noise, deviance = _most_likely(likelihood, form)
-            found.append(FormOfNoise(form, noise, deviance, deviance + form.size * float(np.log(max(degrees, 2)))))
+            found.append(most_likely(likelihood, form))
     return sorted(found, key=lambda one: one.penalised)
+
+
+def most_likely(likelihood: RestrictedLikelihood, form: NoiseForm) -> FormOfNoise:
+    """The most likely noise of a form."""
+    starts = list(_starts(likelihood, form))
+    values = [likelihood.best_scale(_noise_of_shape(form, start, likelihood))[1] for start in starts]
+    noise, deviance = _descended(likelihood, form, starts[int(np.argmin(values))])
+    penalty = form.size * float(np.log(max(likelihood.degrees_of_freedom, 2)))
+    return FormOfNoise(form, noise, deviance, deviance + penalty)
 
 
 def again(likelihood: RestrictedLikelihood, before: FormOfNoise) -> FormOfNoise:
@@ -147,12 +156,6 @@ def log_covariance(likelihood: RestrictedLikelihood, found: FormOfNoise) -> Arra
         return np.full((k, k), np.inf)
     covariance: Array = (directions / sizes) @ directions.T
     return covariance
-
-
-def _most_likely(likelihood: RestrictedLikelihood, form: NoiseForm) -> tuple[OutputNoise, float]:
-    starts = list(_starts(likelihood, form))
-    values = [likelihood.best_scale(_noise_of_shape(form, start, likelihood))[1] for start in starts]
-    return _descended(likelihood, form, starts[int(np.argmin(values))])
 
 
 def _descended(likelihood: RestrictedLikelihood, form: NoiseForm, start: Array) -> tuple[OutputNoise, float]:

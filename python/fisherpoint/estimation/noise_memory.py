@@ -9,18 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
+from .noise_forms import MEMORY, WHITE, WHITE_AND_MEMORY, most_likely
+from .restricted_likelihood import RestrictedLikelihood
 
 MOST_SAMPLES = 20_000
 """Samples from which the memory is found; further ones are not needed."""
 
 BLOCK = 128
 """Samples that a filter advances at once."""
-
-LONGEST = 1.0
-"""Longest correlation time that is tried, as a share of the longest series."""
-
-SHARES = (1.0, 0.9, 0.6, 0.3, 0.1)
-"""Shares of the variance with memory that are tried first."""
 
 
 class NoiseMemory(NamedTuple):
@@ -45,11 +41,6 @@ class NoiseMemory(NamedTuple):
     def theta(self) -> float:
         side = (1 - self.share) * self.phi
         return 2 * side / (self._middle + float(np.sqrt(max(self._middle**2 - 4 * side**2, 0.0))))
-
-    @property
-    def innovation(self) -> float:
-        """Variance of the innovations as a share of the noise's."""
-        return self._middle / (1 + self.theta**2)
 
     def whitened(self, columns: Array) -> Array:
         """Innovations u of one series of columns (n, p)."""
@@ -96,33 +87,22 @@ def memory_of(e: Array, jacobian: Array, series: Sequence[slice]) -> NoiseMemory
     chosen = list(_first_samples(series))
     if not chosen:
         return NoiseMemory()
-    rows = np.concatenate([np.arange(part.start, part.stop) for part in chosen])
-    left, sizes, _ = np.linalg.svd(_unit_columns(jacobian[rows]), full_matrices=False)
-    basis = left[:, sizes > 1e-8 * max(sizes.max(initial=0.0), 1e-300)]
-    columns = np.column_stack([basis, e[rows]])
-    lengths = [part.stop - part.start for part in chosen]
-    if len(rows) - columns.shape[1] < 3:
+    rows, times, numbers = (
+        np.concatenate(of)
+        for of in (
+            [np.arange(part.start, part.stop) for part in chosen],
+            [np.arange(part.stop - part.start, dtype=np.float64) for part in chosen],
+            [np.full(part.stop - part.start, k) for k, part in enumerate(chosen)],
+        )
+    )
+    likelihood = RestrictedLikelihood.of(e[rows], jacobian[rows], times, np.ones(len(rows)), numbers)
+    if likelihood.degrees_of_freedom < 3:
         return NoiseMemory()
-    ends = np.cumsum(lengths).tolist()
-    parts = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
-    times = np.geomspace(0.3, max(LONGEST * max(lengths), 1.0), 14)
-    tried = {(0.0, 1.0): _deviance(NoiseMemory(), columns, parts)}
-
-    def best_of(log_times: Array, shares: Sequence[float]) -> tuple[float, float]:
-        for time in log_times:
-            for share in shares:
-                tried[time, share] = _deviance(NoiseMemory(float(np.exp(-1 / np.exp(time))), share), columns, parts)
-        return min(tried, key=lambda key: tried[key])
-
-    time, share = best_of(np.log(times), SHARES)
-    width, part = float(np.log(times[1] / times[0])), 0.15
-    for _ in range(4):
-        if (time, share) == (0.0, 1.0):
-            return NoiseMemory()
-        width, part = width / 2, part / 2
-        shares = [s for s in (share - part, share, share + part) if 0.01 <= s < 1] + [1.0] * (share + part >= 1)
-        time, share = best_of(np.array([time - width, time, time + width]), shares)
-    return NoiseMemory(float(np.exp(-1 / np.exp(time))), share)
+    best = min((most_likely(likelihood, form) for form in (WHITE, MEMORY, WHITE_AND_MEMORY)), key=lambda one: one.deviance)
+    if not best.noise.parts:
+        return NoiseMemory()
+    (std, time) = best.noise.parts[0]
+    return NoiseMemory(float(np.exp(-1 / time)), float(std**2 / (std**2 + best.noise.std**2)))
 
 
 def _first_samples(series: Sequence[slice]) -> Iterator[slice]:
@@ -133,25 +113,6 @@ def _first_samples(series: Sequence[slice]) -> Iterator[slice]:
         if length > 1:
             yield slice(part.start, part.start + length)
             room -= length
-
-
-def _unit_columns(columns: Array) -> Array:
-    length = np.linalg.norm(columns, axis=0)
-    unit: Array = columns[:, length > 0] / length[length > 0]
-    return unit
-
-
-def _deviance(memory: NoiseMemory, columns: Array, parts: Sequence[slice]) -> float:
-    """-2 log of the restricted likelihood but for a constant, of a basis of the derivatives and, last, the residuals."""
-    white = np.empty_like(columns)
-    for part in parts:
-        white[part] = memory.whitened(columns[part]) / np.sqrt(memory.innovation)
-        white[part.start] = columns[part.start]  # the first innovation is the noise itself
-    triangle = np.abs(np.diag(np.linalg.qr(white, mode="r")))
-    free = len(columns) - columns.shape[1] + 1
-    log_det = (len(columns) - len(parts)) * np.log(memory.innovation)
-    with np.errstate(divide="ignore"):
-        return float(log_det + 2 * np.log(triangle[:-1]).sum() + 2 * free * np.log(triangle[-1]))
 
 
 def slices_of(series: NDArray[np.intp]) -> list[slice]:
