@@ -236,6 +236,45 @@ def test_record_with_memory_is_fitted_as_the_run_that_it_is() -> None:
     np.testing.assert_allclose(list(of_record.standard_errors.values()), list(of_run.standard_errors.values()), rtol=1e-6)
 
 
+def test_points_runs_and_records_are_fitted_together() -> None:
+    """Each point, run and record has a memory of its own: against whole covariances, with an unknown start of a record."""
+    noise, model = WITH_MEMORY["memory"], tanks()
+    points = fp.Experiments(np.full((4, 2), 0.4), np.linspace(0.5, 1.5, 4)[:, None], [0.5, 0.5, 1.0, 2.0])
+    of_points, of_runs = measured(noise, 1, points), measured(noise, 2, runs(2, 9))
+    t, u = np.cumsum(np.tile([0.1, 0.3], 12)), np.where(np.arange(24) % 8 < 4, 1.5, 0.3)[:, None]
+    rng = np.random.default_rng(0)
+    of_record = fp.simulate_record(model, t, u, TRUTH, {"h1": 0.3, "h2": 0.5}).y + 0.02 * rng.standard_normal((24, 2))
+    of_record[5:8, 0] = np.nan
+    record = fp.Record(t, u, of_record, x0={"h1": 0.3})
+    fit = fp.estimate(model, [of_points, record, of_runs], start={**PRIOR.mean, "x0_h2": 0.4}, noise=noise)
+
+    def outputs(values: Array) -> list[tuple[Array, Array, Array]]:
+        """Outputs, data and times of all series, in the order of the data."""
+        theta, start = values[:2], values[2]
+        found = [
+            (row[None], of_points.y[k : k + 1], np.zeros(1))
+            for k, row in enumerate(fp.simulate(model, points, theta, rtol=1e-11).y)
+        ]
+        found.append((fp.simulate_record(model, t, u, theta, {"h1": 0.3, "h2": start}, rtol=1e-11).y, of_record, t))
+        y, times = fp.simulate(model, of_runs.points, theta, rtol=1e-11).y, np.cumsum(of_runs.runs.dt, axis=1)
+        return found + [(y[k], of_runs.run_outputs[k], times[k]) for k in range(2)]
+
+    def whitened(values: Array) -> Array:
+        rows = []
+        for y, shown, times in outputs(values):
+            lag = np.abs(times[:, None] - times)
+            for j, r in enumerate((0.01**2 * np.eye(len(times)) + 0.02**2 * np.exp(-lag / 0.4), 0.02**2 * np.eye(len(times)))):
+                there = np.isfinite(shown[:, j])
+                rows.append(np.linalg.solve(np.linalg.cholesky(r[np.ix_(there, there)]), (y - shown)[there, j]))
+        return np.concatenate(rows)
+
+    found = optimize.least_squares(whitened, fit.values, jac="3-point", x_scale=0.01, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    errors = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
+    np.testing.assert_allclose(fit.values, found.x, atol=2e-6 * errors.max())
+    np.testing.assert_allclose(list(fit.standard_errors.values()), errors, rtol=1e-6)
+    assert fit.chi_square == pytest.approx(2 * found.cost, rel=1e-8)
+
+
 @pytest.mark.parametrize("name", ["memory", "grows, memory", "correlated"])
 def test_what_varies_beside_a_memory(name: str) -> None:
     """R of each run has H P H^T beside the memory: against a whole covariance at the estimate."""

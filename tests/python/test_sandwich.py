@@ -29,7 +29,8 @@ def test_filters_are_those_of_the_noise(phi: float, share: float) -> None:
     assert memory.whitened(recoloured) == pytest.approx(u)
     assert float(np.sum(recoloured * x)) == pytest.approx(float(np.sum(u * memory.adjoint(x))))
     noise = np.linalg.inv(memory.whitened(np.eye(n)))
-    covariance = memory.innovation * noise @ noise.T
+    innovation = (1 + memory.phi**2 - 2 * memory.share * memory.phi**2) / (1 + memory.theta**2)
+    covariance = innovation * noise @ noise.T
     expected = toeplitz(np.append(1.0, share * phi ** np.arange(1, n)))
     assert covariance[300:, 300:] == pytest.approx(expected[300:, 300:], abs=1e-4)
 
