@@ -78,6 +78,18 @@ def test_residuals_with_a_memory_come_first(tmp_path: Path, capsys: pytest.Captu
     assert "expected white noise" not in printed.err  # once is enough
     assert (tmp_path / "fit" / "autocorrelation.png").exists()
     assert json.loads((tmp_path / "fit" / "fit.json").read_text())["residual_checks"]["c"]["white"] is False
+    assert run(DECAY, tmp_path / "record.csv", "-o", tmp_path / "found", "--noise", "estimated") == 0
+    printed = capsys.readouterr()
+    assert "Noise found in the residuals" in printed.out and "not white" not in printed.out
+    found = json.loads((tmp_path / "found" / "fit.json").read_text())["noise_estimate"]["c"]
+    assert found["form"] == "memory" and found["values"]["correlation time"] == pytest.approx(30 / 0.105, rel=0.7)
+    given = DECAY.read_text().replace(
+        "c = 0.2", f"c = {{ colored = {{ std = {found['values']['std of memory']}, correlation_time = 300 }} }}"
+    )
+    assert given != DECAY.read_text()
+    (tmp_path / "given.toml").write_text(given)
+    assert run(tmp_path / "given.toml", tmp_path / "record.csv", "-o", tmp_path / "given") == 0
+    assert "correlated over 300 s" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -64,8 +64,8 @@ def plot_parity(fit: FitStatistics) -> Figure:
             margin = 0.06 * (ends[1] - ends[0]) or 0.5 * abs(ends[0]) or 1.0
             limits = (ends[0] - margin, ends[1] + margin)
             axes.plot(limits, limits, color=PRIOR, linewidth=1.2)
-            std = factor * np.sqrt(fit.noise_covariance[i, i])
-            if len(x) <= MANY and std > 0.01 * (limits[1] - limits[0]):
+            std = factor * fit.sample_std[measured_here, i]
+            if len(x) <= MANY and std.max() > 0.01 * (limits[1] - limits[0]):
                 axes.errorbar(x, y, yerr=2 * std, fmt="none", ecolor=NOISE, elinewidth=1.0, alpha=0.45)
             (dots,) = axes.plot(x, y, "o", color=NOISE, markersize=2 if len(x) > MANY else 5, alpha=0.5 if len(x) > MANY else 0.9)
             _name_samples(fit, dots, np.flatnonzero(measured_here), i)

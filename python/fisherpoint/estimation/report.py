@@ -39,7 +39,9 @@ def headline(fit: FitStatistics) -> str:
     """Headline: what was estimated, how, and from what."""
     count, samples = int(np.isfinite(fit.residuals).sum()), len(fit.residuals)
     kind = "least squares" if len(fit.tests) == 1 else "least log det of the residual covariance (10)"
-    kind = "weighted least squares" if fit.noise is not None else kind
+    if fit.noise is not None:
+        more = fit.weighted.noise
+        kind = "weighted least squares" if more is None or more.normal else "maximum likelihood"
     kind += ", noise found in the residuals" if fit.noise is not None and not fit.noise_known else ""
     if fit.prior is not None and fit.weighted.prior_factor is not None:
         kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
@@ -75,6 +77,8 @@ def facts(fit: FitStatistics) -> Iterator[tuple[str, str]]:
     """How good the fit is, and how it was found."""
     degrees = fit.degrees_of_freedom
     if fit.noise_known:
+        if fit.weighted.noise is not None:
+            yield "sensor noise", noise_in_words(fit.noise, (q for q in fit.model.outputs if q.name in fit.tests))
         per = f", {number(fit.chi_square / degrees)} per degree of freedom" if degrees > 1e-9 else ""
         yield "chi-square", f"{number(fit.chi_square)} with {_degrees(degrees)}{per}"
     else:
@@ -187,7 +191,9 @@ def _outputs(fit: FitStatistics) -> Section:
     """Residuals of each output beside its noise; with chi-square, where the noise is known."""
     units = {q.name: q.unit for q in fit.model.outputs}
     given, found = (np.sqrt(np.diag(m)) for m in (fit.noise_covariance, fit.residual_covariance))
-    expected = fit.expected_std
+    expected, more = fit.expected_std, fit.weighted.noise
+    if more is not None and not fit.weighted.common:
+        given = expected  # noise that grows has no other standard deviation
     places = {name: i for i, name in enumerate(names_of(fit.model.outputs))}
     noise = "noise std" if fit.noise_known else "noise std, estimated"
     assumed = fit.noise_known and not np.allclose(expected, given)

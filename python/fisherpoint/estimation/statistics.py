@@ -219,8 +219,15 @@ class FitStatistics:
     @property
     def expected_std(self) -> Array:
         """Root mean square (n_y,) of how measurements scatter: the noise, with the share of what is assumed and not exact."""
-        variances = self.weighted.variances
-        return np.asarray(np.sqrt(variances.reshape(-1, variances.shape[-1]).mean(axis=0)))
+        return np.asarray(np.sqrt(np.square(self.sample_std).mean(axis=0)))
+
+    @property
+    def sample_std(self) -> Array:
+        """Standard deviation (N, n_y) of the noise of each sample, with the share of what is assumed, SI units."""
+        noise, variances = self.weighted.noise, self.weighted.variances
+        if noise is not None and not noise.normal:
+            return noise.sensors.white_std(self.predicted)
+        return np.asarray(np.broadcast_to(np.sqrt(variances), self.residuals.shape))
 
     @property
     def residual_covariance(self) -> Array:
@@ -390,7 +397,7 @@ class FitStatistics:
     @property
     def standardised(self) -> Array:
         """Residuals over the standard deviation of their noise, (N, n_y), NaN where not measured."""
-        return np.asarray(self.residuals / np.sqrt(self.weighted.variances))
+        return np.asarray(self.residuals / self.sample_std)
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))
