@@ -140,14 +140,14 @@ def test_estimate_is_the_most_likely_one(name: str) -> None:
     errors = np.array(list(fit.standard_errors.values()))
     assert fit.converged
     assert (np.abs(best.x - fit.values) < 2e-4 * errors).all()
-    evaluation = fp.evaluate(problem({"y1": noise, "y2": 0.02}, theta=dict(fit.estimate)), data.points)
+    evaluation = fp.evaluate(problem({"y1": noise, "y2": 0.02}, dict(fit.estimate), 1e-6), data.points)
     np.testing.assert_allclose(errors, list(evaluation.standard_errors.values()), rtol=1e-3)
 
 
-def problem(noise: Any, theta: dict[str, float] | None = None, **options: Any) -> fp.DesignProblem:
+def problem(noise: Any, theta: dict[str, float] | None = None, relative_std: float = 0.1) -> fp.DesignProblem:
     mean = theta or TRUTH
-    prior = fp.GaussianPrior(mean, std={name: 0.1 * value for name, value in mean.items()})
-    return fp.DesignProblem(tanks(), prior, None, noise=noise, rule=fp.GaussHermite(1), **options)
+    prior = fp.GaussianPrior(mean, std={name: relative_std * value for name, value in mean.items()})
+    return fp.DesignProblem(tanks(), prior, None, noise=noise, rule=fp.GaussHermite(1))
 
 
 # --- normal readings with a memory -------------------------------------------------------------------------------------------

@@ -219,3 +219,26 @@ def test_the_quick_way_is_that_of_the_whole_matrix() -> None:
     quick = rows_beside_common(j, moved, variance, slope)[0]
     whole = dense_rows(j[0], np.diag(variance[0]) + moved[0] @ moved[0].T, np.diag(slope[0]))
     np.testing.assert_allclose(quick.T @ quick, whole.T @ whole, rtol=1e-12)
+
+
+@pytest.mark.parametrize("y", [0.0, 0.25, 0.9, 3.3])
+@pytest.mark.parametrize(
+    "noise", [Noise(0.1, resolution=0.5), Noise(0.1, resolution=1.0, limits=(0.0, 3.0)), Noise(0.2, limits=(None, 1.0))]
+)
+def test_information_over_where_outputs_lie(noise: Noise, y: float) -> None:
+    """Beside an integral over normal outputs; of no spread, that of the reading; of a wide one, the mean over a step."""
+    sensors = Sensors.of({"y": noise}, ["y"])
+
+    def information(at: Array) -> Array:
+        return np.asarray(sensors.precision(np.atleast_1d(at)[:, None])[:, 0])
+
+    for spread in (0.05, 0.2):
+        nodes = np.linspace(-8, 8, 20001)
+        expected = float(np.trapezoid(information(y + spread * nodes) * stats.norm.pdf(nodes), nodes))
+        given = float(sensors.precision(np.array([[y]]), np.array([[spread]]))[0, 0])
+        assert given == pytest.approx(expected, rel=0.03, abs=0.003 / noise.std**2)
+    exact = sensors.precision(np.array([[y]]), np.zeros((1, 1)))
+    assert float(exact[0, 0]) == pytest.approx(float(information(np.array(y))[0]), rel=1e-12)
+    if not noise.limited:
+        mean = float(information(np.linspace(0, noise.resolution, 1001)[:-1]).mean())
+        assert float(sensors.precision(np.array([[y]]), np.full((1, 1), 1e3))[0, 0]) == pytest.approx(mean, rel=0.1)

@@ -152,6 +152,10 @@ class Readings:
             r[:, :, j], slope[:, :, j] = (np.where(there, a, 0.0) for a in found)
         return r, dy * slope[..., None]
 
+    def rows(self, y: Array, dy: Array, spread: Array | None = None) -> Array:
+        """Rows (B, N, n_y, P) of which the squares add up to the information, averaged over a `spread` (B, N, n_y) of outputs."""
+        return np.asarray(dy * (np.sqrt(self.sensors.precision(y, spread)) * self.measured)[..., None])
+
     def scores(self, y: Array, dy: Array) -> tuple[Array, Array]:
         """Score residuals (B, N, n_y) and the rows (B, N, n_y, P) of which the squares add up to the information."""
         root = np.sqrt(self.sensors.precision(y)) * self.measured

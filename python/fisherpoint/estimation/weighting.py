@@ -197,10 +197,14 @@ class WeightedResiduals:
                 array[:, error.rows] = error.whitened(array[:, error.rows])
         return white
 
-    def rows(self, y: Array, jacobian: Array) -> Array:
-        """Rows (M, P) of which the squares add up to the information, of predicted outputs (1, N, n_y) and derivatives by z."""
+    def rows(self, y: Array, jacobian: Array, over_prior: bool = False) -> Array:
+        """Rows (M, P) of which the squares add up to the information, of predicted outputs (1, N, n_y) and derivatives by z.
+
+        That of rounded and limited readings as it is there, or averaged over where unknowns of standard deviation 1 have the
+        outputs.
+        """
         if (readings := self._readings) is not None:
-            white = readings.scores(y, jacobian)[1]
+            white = readings.rows(y, jacobian, np.sqrt(np.square(jacobian).sum(axis=3)) if over_prior else None)
         else:
             white = self._whitened(self.covariance, jacobian)[0]
         rows = white.reshape(-1, jacobian.shape[3])

@@ -326,16 +326,29 @@ class DesignProblem(InNotebooks):
     def white_rows(
         self, scaled: Array, moved: Array | None, times: Array, y: Array, measured: NDArray[np.bool_], status: IntArray
     ) -> tuple[Array, IntArray]:
-        """Rows (K, N, n_y, p) that R whitens, whatever the noise is, and statuses (K,): see `Sensors.rows`."""
+        """Rows (K, N, n_y, p) that R whitens, whatever the noise is, and statuses (K,): see `Sensors.rows`.
+
+        The information of rounded and limited readings is averaged over where the prior has the outputs, so that no design counts
+        on parameters by which one lies just at an edge.
+        """
         if self.sensors is None:
             raise ValueError("noise: expected the sensor noise, given none")
         ok = (status == Status.ok)[:, None, None]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             there = measured & ok
             moved = None if moved is None else np.where(there[..., None], moved, 0.0)
-            rows = self.sensors.rows(scaled, moved, times, np.where(there, y, 0.0), there)
+            spread = self._spread(scaled) if self.sensors.uneven.any() else None
+            rows = self.sensors.rows(scaled, moved, times, np.where(there, y, 0.0), there, spread)
             rows *= np.sqrt(np.diag(self.noise_covariance))[:, None]
         return rows, only_finite(status, rows)
+
+    def _spread(self, scaled: Array) -> Array:
+        """Standard deviations of outputs over the prior, to first order, (..., n_y), from standardised derivatives."""
+        own = len(self.estimated)
+        of_parameters, of_nuisance = scaled[..., :own], scaled[..., own:]
+        if self.prior.correlated:
+            of_parameters = of_parameters @ np.linalg.cholesky(self.prior.marginal(self.estimated).correlation)
+        return np.asarray(np.sqrt(np.square(of_parameters).sum(axis=-1) + np.square(of_nuisance).sum(axis=-1)))
 
     @cached_property
     def noise_covariance(self) -> Array:

@@ -29,6 +29,27 @@ AT_ONCE = 1 << 20
 """Probabilities of cells that are computed at once, so that memory stays bounded."""
 
 
+PLACES = 32
+"""Places of a noise-free output, of equal probability, over which the information of a reading is averaged."""
+
+WIDEST = 2.0
+"""Standard deviation of an output, in steps of rounding, from which on the mean over all places in a step is the average."""
+
+
+def averaged_information(
+    y: Array, spread: Array, std: float, relative: float, resolution: float, lower: float, upper: float
+) -> Array:
+    """`reading_information` averaged over normal outputs of means y and standard deviations `spread`, of the shape of y."""
+    from scipy.special import ndtri
+
+    if not np.isfinite(lower) and not np.isfinite(upper):
+        spread = np.minimum(spread, WIDEST * resolution)
+    found = np.zeros(y.shape)
+    for place in ndtri((np.arange(PLACES) + 0.5) / PLACES):
+        found += reading_information(y + place * spread, std, relative, resolution, lower, upper)
+    return found / PLACES
+
+
 def reading_information(
     y: Array,
     std: float,

@@ -19,7 +19,7 @@ from ..engine import _core
 from .common_error import CommonError
 from .growing import dense_rows, rows_beside_common
 from .models import Noise, NoiseModel, NoiseOf, outputs_of
-from .reading import reading_information
+from .reading import averaged_information, reading_information
 
 MOST_DENSE = 2000
 """Numbers of one run whose noise has a memory, or is correlated, and grows with the outputs: there R is a whole matrix."""
@@ -101,12 +101,24 @@ class Sensors:
         """Standard deviations of the white parts at noise-free outputs (..., n_y), with that of rounding."""
         return np.sqrt(np.square(self.std) + np.square(self.relative * y) + np.square(self.resolution) / 12)
 
-    def precision(self, y: Array) -> Array:
-        """Fisher information of independent readings about noise-free outputs (..., n_y), of this shape."""
+    @cached_property
+    def uneven(self) -> NDArray[np.bool_]:
+        """Outputs (n_y,) whose readings inform unevenly, by where the output lies: rounded and limited ones."""
+        return np.asarray((self.resolution > 0) | np.isfinite(self.lower) | np.isfinite(self.upper))
+
+    def precision(self, y: Array, spread: Array | None = None) -> Array:
+        """Fisher information of independent readings about noise-free outputs (..., n_y), of this shape.
+
+        With standard deviations `spread` of the outputs, that of uneven readings is averaged over where they lie.
+        """
         found = np.empty(y.shape)
         for j in range(len(self.std)):
-            given = (self.std[j], self.relative[j], self.resolution[j], self.lower[j], self.upper[j])
-            found[..., j] = reading_information(y[..., j], *map(float, given))
+            numbers = (self.std[j], self.relative[j], self.resolution[j], self.lower[j], self.upper[j])
+            std, relative, resolution, lower, upper = map(float, numbers)
+            if spread is not None and self.uneven[j]:
+                found[..., j] = averaged_information(y[..., j], spread[..., j], std, relative, resolution, lower, upper)
+            else:
+                found[..., j] = reading_information(y[..., j], std, relative, resolution, lower, upper)
         return found
 
     def whitened(
@@ -147,7 +159,16 @@ class Sensors:
             r[:, :, output, :, output] += size**2 * np.exp(-lag / correlation_time)
         return r.reshape(count, n * n_y, n * n_y)
 
-    def rows(self, j: Array, moved: Array | None, times: Array, y: Array, measured: NDArray[np.bool_], threads: int = 1) -> Array:
+    def rows(
+        self,
+        j: Array,
+        moved: Array | None,
+        times: Array,
+        y: Array,
+        measured: NDArray[np.bool_],
+        spread: Array | None = None,
+        threads: int = 1,
+    ) -> Array:
         """M^1/2 J of K runs: rows whose squares add up to the information, zero where nothing is measured.
 
         Parameters
@@ -157,6 +178,8 @@ class Sensors:
             By how much outputs move with a standard deviation of what is drawn anew.
         times, y, measured
             As in `whitened`.
+        spread : ndarray, (K, N, n_y), optional
+            As in `precision`.
 
         Raises
         ------
@@ -167,7 +190,7 @@ class Sensors:
         j, y = np.where(there, j, 0.0), np.where(measured, y, 0.0)
         moved = None if moved is None else np.where(there, moved, 0.0)
         if self.independent:
-            found = self._independent(j, moved, y)
+            found = self._independent(j, moved, y, None if spread is None else np.where(measured, spread, 0.0))
         elif self.growing:
             found = self._dense(j, moved, times, y, measured)
         else:
@@ -177,11 +200,11 @@ class Sensors:
                 found = _beside_common(found[..., : j.shape[3]], found[..., j.shape[3] :])
         return found if moved is None else np.where(there, found, 0.0)
 
-    def _independent(self, j: Array, moved: Array | None, y: Array) -> Array:
-        exact = not (self.resolution.any() or np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+    def _independent(self, j: Array, moved: Array | None, y: Array, spread: Array | None) -> Array:
+        exact = not self.uneven.any()
         if moved is None or not (self.growing and exact):
             # Beside what is common, rounded and limited readings count as normal ones that inform as much.
-            scale = np.sqrt(self.precision(y))[..., None]
+            scale = np.sqrt(self.precision(y, spread))[..., None]
             if moved is None:
                 return np.asarray(scale * j)
             return _beside_common(scale * j, scale * moved)

@@ -104,6 +104,7 @@ class Estimator:
         use_prior: bool,
         rtol: float,
         threads: int,
+        over_prior: bool = False,
     ) -> Estimator:
         model, names = problem.model, problem.estimated
         outputs = names_of(model.outputs)
@@ -128,8 +129,10 @@ class Estimator:
         residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor)
         starts = evaluable_starts(observed, unknowns, mean, problem.prior, STARTS)
         residuals = known.weighed(residuals, starts[0])
-        _, jacobian, _ = residuals.scores(starts[:1], np.zeros(1, dtype=np.intp))
-        return cls(residuals, starts, noise_known, Precision.of(jacobian[0]), len(joint.nuisance))
+        values = unknowns.values(starts[:1])
+        response = observed.respond(values)
+        rows = residuals.rows(response.y, response.dy * unknowns.slopes(values)[:, None, None, :], over_prior)
+        return cls(residuals, starts, noise_known, Precision.of(rows), len(joint.nuisance))
 
     @property
     def unknowns(self) -> Unknowns:

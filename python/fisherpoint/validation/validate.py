@@ -117,7 +117,9 @@ def validate(
     with distributed_over(workers, threads) as distributor:
         for name, points in named.items():
             try:
-                estimators[name] = _estimator(name, problem, points, of_sensors, noise_known, use_prior, distributor.threads)
+                estimators[name] = _estimator(
+                    name, problem, points, of_sensors, noise_known, use_prior, distributor.threads, theta == "prior"
+                )
             except NoTrajectory as error:
                 without[name] = error
         if not estimators:
@@ -167,9 +169,10 @@ def _estimator(
     noise_known: bool,
     use_prior: bool,
     threads: int,
+    over_prior: bool,
 ) -> Estimator:
     try:
-        return Estimator.of(problem, points, noise, noise_known, use_prior, RTOL, threads)
+        return Estimator.of(problem, points, noise, noise_known, use_prior, RTOL, threads, over_prior)
     except NoTrajectory:
         raise
     except ValueError as error:
