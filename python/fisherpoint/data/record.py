@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_float, as_index, as_path, by_name, check_known, check_type
+from ..basics.checks import as_float, as_floats_of_shape, as_index, as_path, by_name, check_known, check_type
 from ..basics.csv_file import csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
@@ -18,6 +18,7 @@ from ..basics.quantity import names_of
 from ..basics.table import as_table
 from ..basics.values import Array
 from ..models import Model
+from ..points.dead_time import Earlier
 from ..points.run_files import time_name
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, first_rows, numbered
@@ -25,6 +26,7 @@ from .held_inputs import checked_times, held_inputs
 from .measured_outputs import measured_outputs
 from .merging import merged_channels
 from .record_files import read_record
+from .record_trajectory import RecordInputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,10 @@ class Record(InNotebooks):
     begin : float, optional
         The time at which t of equations is zero, s; default: that of the first sample. Samples that are taken out of a record keep
         that of the whole.
+    before : array_like, (n_u,), optional
+        Inputs before the first sample, SI units, which equations with a dead time still read at first, see
+        `fisherpoint.math.delay`. Default: those of the first sample. Samples that are taken out of a record know what came
+        before them.
 
     Raises
     ------
@@ -58,6 +64,8 @@ class Record(InNotebooks):
     y: Array
     x0: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     begin: float | None = field(default=None, kw_only=True)
+    before: Array | None = field(default=None, kw_only=True)
+    _earlier: tuple[Array, Array] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         t = checked_times(self.t)
@@ -66,6 +74,8 @@ class Record(InNotebooks):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         object.__setattr__(self, "x0", by_name(self.x0, None, "x0", as_float))
+        if self.before is not None:
+            object.__setattr__(self, "before", as_floats_of_shape(self.before, self.u.shape[1:], "before"))
         object.__setattr__(self, "begin", float(t[0]) if self.begin is None else as_float(self.begin, "begin"))
 
     def __len__(self) -> int:
@@ -79,7 +89,12 @@ class Record(InNotebooks):
         if step != 1 or not first < last:
             raise ValueError(f"samples: expected a slice of consecutive samples, at least one, given {shown(samples)}")
         x0 = self.x0 if first == 0 else {}
-        return Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=x0, begin=self.begin)
+        before = self.inputs.before if first else self.before
+        parts = [(self.t[:first], self.u[:first]), *([self._earlier] if self._earlier else [])][::-1]
+        earlier = (np.concatenate([t for t, _ in parts]), np.concatenate([u for _, u in parts]))
+        some = Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=x0, begin=self.begin, before=before)
+        object.__setattr__(some, "_earlier", earlier if len(earlier[0]) else None)
+        return some
 
     def __repr__(self) -> str:
         measured = int(np.isfinite(self.y).sum())
@@ -96,6 +111,13 @@ class Record(InNotebooks):
     def since(self) -> Array:
         """The times of the samples as equations read them, (N,), s."""
         return np.asarray(self.t - (self.begin or 0.0))
+
+    @property
+    def inputs(self) -> RecordInputs:
+        """The inputs over the time, with what they were before."""
+        before = self.u[0] if self.before is None else self.before
+        earlier = None if self._earlier is None else Earlier(self._earlier[0] - self.t[0], self._earlier[1])
+        return RecordInputs(self.since, self.u, before, earlier)
 
     @property
     def samples(self) -> Array:

@@ -140,13 +140,12 @@ class RecordResponse:
         status = self._sense(theta, x0)
         rows = np.flatnonzero(status == Status.ok)
         if len(rows):
-            x, y[rows], status[rows], _ = record_trajectories(
-                self.model, theta[rows], x0[rows], self.record.since, self.record.u, self._settings
-            )
+            x, y[rows], status[rows], _ = record_trajectories(self.model, theta[rows], x0[rows], self.record.inputs, self._settings)
             kept = status[rows] == Status.ok
             rows, x = rows[kept], x[kept]
         if len(rows):
-            follow = self._static if not n_x else self._in_one if self.model.latches else self._carried  # latches remember
+            in_one = self.model.latches or self.model.delays  # what they remember, pieces by themselves do not know
+            follow = self._static if not n_x else self._in_one if in_one else self._carried
             dy[rows], status[rows] = follow(theta[rows], x)
         finite = np.isfinite(dy).all(axis=(1, 2, 3))
         status[(status == Status.ok) & ~finite] = Status.not_finite
@@ -184,13 +183,18 @@ class RecordResponse:
             rows = slice(first, min(first + each, count))
             values, n = given[rows], rows.stop - first
             u, dt = (np.repeat(of[None], n, axis=0) for of in (self.record.u[:-1], np.diff(self.record.t)))
+            at_samples, options = np.tile(self.record.u, (n, 1)), {"s": np.empty(0), "doubts": True}
+            if model.delays:
+                found, inputs = self.record.inputs.switched(model, values)
+                u, dt, at_samples, options = found.u, found.dt, inputs.reshape(len(at_samples), -1), options | found.options()
             measured = np.zeros(dt.shape, dtype=bool)
             _, _, dx, _, status[rows], _ = model.kernels.run_sensitivities(
-                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, s=np.empty(0), doubts=True
+                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, **options
             )
+            dx = dx[np.arange(n)[:, None], found.ends] if model.delays else dx
             s = np.concatenate([np.zeros((n, 1, n_x, dx.shape[3])), dx], axis=1)[..., columns]
             s[..., self._free, len(self.columns) + np.arange(len(self.starts))] += 1.0
-            points = x[rows].reshape(-1, n_x), np.tile(self.record.u, (n, 1)), np.repeat(values, samples, axis=0)
+            points = x[rows].reshape(-1, n_x), at_samples, np.repeat(values, samples, axis=0)
             offsets = np.column_stack([points[2][:, :p], np.zeros((len(points[2]), n_x))])
             g = self._shifted.core.output_jacobian(*points[:2], offsets).reshape(n, samples, -1, p + n_x)
             doubtful = np.isnan(s)

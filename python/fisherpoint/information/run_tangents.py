@@ -107,7 +107,7 @@ def tangents_from(
     first = np.minimum(runs.first_difference(base.runs, own), n - 1)
     whole = (first == 0) | (runs.controlled if runs.rests is not None else False)  # how these start, base.dx may not have all of
     x, y, dx, dy, status = base.x[own], base.y[own], base.dx[own], base.dy[own], base.status[own]
-    if model.latches:  # what they remember at a sample is not kept
+    if model.latches or model.delays:  # what they remember at a sample, and which switches are on their way, is not kept
         whole = np.ones_like(whole)
     if whole.any():
         done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)
