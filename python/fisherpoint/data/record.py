@@ -19,7 +19,7 @@ from ..basics.table import as_table
 from ..basics.values import Array
 from ..models import Model
 from ..points.dead_time import Earlier
-from ..points.run_files import time_name
+from ..points.run_files import BEFORE, time_name
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, first_rows, numbered
 from .held_inputs import checked_times, held_inputs
@@ -137,17 +137,19 @@ class Record(InNotebooks):
     def to_csv(self, path: str | Path, model: Model) -> None:
         """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured.
 
-        Known starts stand in the first row, as ``x0_<name>``. Where an input of the model is called t, the column of the times is
-        called ``time``.
+        Known starts stand in the first row, as ``x0_<name>``, and so do inputs before it, as ``before_<name>``. Where an input of
+        the model is called t, the column of the times is called ``time``.
         """
         self.check(model)
+        inputs = names_of(model.inputs)
         outputs, starts = (f"y_{name}" for name in names_of(model.outputs)), (f"x0_{name}" for name in self.x0)
-        header = (time_name(names_of(model.inputs)), *names_of(model.inputs), *outputs, *starts)
+        before = [] if self.before is None else [f"{BEFORE}_{name}" for name in inputs]
+        header = (time_name(inputs), *inputs, *outputs, *starts, *before)
         if len(set(header)) != len(header):
-            raise ValueError(f"model: expected inputs other than y_<output> and x0_<state>, given {listed(names_of(model.inputs))}")
-        x0 = np.full((len(self), len(self.x0)), np.nan)
-        x0[0] = list(self.x0.values())
-        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y, x0]).tolist()))
+            raise ValueError(f"model: expected inputs other than y_<output>, x0_<state> and before_<input>, given {listed(inputs)}")
+        first = np.full((len(self), len(self.x0) + len(before)), np.nan)
+        first[0] = [*self.x0.values(), *(self.before if self.before is not None else ())]
+        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y, first]).tolist()))
 
     @classmethod
     def from_table(
@@ -170,7 +172,8 @@ class Record(InNotebooks):
 
             The times are ``t``, or ``time`` where an input of the model is called t; an output is ``y_<name>``, or its name alone
             where no state or input has that. Outputs may be left out: these were not measured. ``x0_<state>`` has a known start in
-            the first row; further rows are empty or repeat it, and an empty first row says that the start is not known.
+            the first row; further rows are empty or repeat it, and an empty first row says that the start is not known. So has
+            ``before_<input>`` the input before the first sample, of all inputs or of none.
         x0 : mapping of state name to float, optional
             Start values that are known, SI units; they count instead of those of the table.
 
@@ -185,9 +188,9 @@ class Record(InNotebooks):
         """
         check_type(model, Model, "model")
         table = as_table(table, columns)
-        t, u, y, known = read_record(table, model)
+        t, u, y, known, before = read_record(table, model)
         try:
-            record = cls(t, u, y, x0={**known, **by_name({} if x0 is None else x0, None, "x0", as_float)})
+            record = cls(t, u, y, x0={**known, **by_name({} if x0 is None else x0, None, "x0", as_float)}, before=before)
         except ValueError as error:
             raise ValueError(f"{table.path}: {error}") from error
         record.check(model)

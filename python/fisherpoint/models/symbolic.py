@@ -21,7 +21,7 @@ from .clock import clock_names, clock_quantity
 from .compiled import CompiledCore, compiled_model
 from .delays import with_delays, without_delays
 from .dependence import Dependence
-from .dimensions import mistakes_in_units, plain_rate_of, rate_of, stated
+from .dimensions import is_time, mistakes_in_units, plain_rate_of, rate_of, stated
 from .expressions import symbol
 from .given_equations import (
     check_count,
@@ -183,7 +183,9 @@ class SymbolicModel(DescribedModel):
         conditions = [*((f"domain[{i}]", one) for i, one in enumerate(equations.conditions)), *equations.along]
         rates = {f"equations.{q.name}": plain_rate_of(q) for q in states}
         clock = [] if self.clock is None else [clock_quantity(self.clock.name)]
-        return tuple(mistakes_in_units(both, conditions, rates, (*(q for of in self._quantities() for q in of), *clock)))
+        found = mistakes_in_units(both, conditions, rates, (*(q for of in self._quantities() for q in of), *clock))
+        times = [q for q in (*self.parameters, *self.constant_quantities) if q.name in self.delays.values()]
+        return (*found, *(f"{q.name} in {q.unit}, which is no time, is a dead time" for q in times if not is_time(q)))
 
     def warn_of_units(self, stacklevel: int = 2) -> None:
         """Warn of `mistakes_in_units`, where there are any."""

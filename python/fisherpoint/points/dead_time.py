@@ -170,9 +170,7 @@ def inputs_before(model: Model, runs: Runs) -> Array:
             before[k] = rest.held(names)
             for name in rest.solve:
                 if name in model.delays:
-                    raise ValueError(
-                        f"rest.solve: expected inputs without dead time, given {name!r}, whose value before is not known"
-                    )
+                    raise ValueError(f"rest.solve: expected inputs without a dead time, given {name!r}: it is not known before")
     return before
 
 

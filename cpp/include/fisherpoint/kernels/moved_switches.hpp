@@ -62,13 +62,13 @@ void rates_at_starts(const M& model, const Points& points, const Parameters& par
     hold_conditions<P>(integrator.held(), pack.used, [&](int lane) { return ends[rows[lane]]; });
   }
   auto stopped = lanes_of<P>::none();
-  const auto side = integrator.sides_from(pack.x0, pack.dt, from, met, stopped);
-  typename Equation::State dx;
+  typename Equation::State x = pack.x0, dx;
+  const auto side = integrator.sides_from(pack.x0, pack.dt, from, met, stopped, &x);
   fit(dx, shape.states);
   if (shape.holds_end > 0)
-    rates_along(equation, pack.x0, side, dx);
+    rates_along(equation, x, side, dx);
   else
-    equation.derivative(pack.x0, side, dx);
+    equation.derivative(x, side, dx);
   for (int lane = 0; lane < pack.used; ++lane) get_lane(dx, lane, rate + rows[lane] * stride);
 }
 
