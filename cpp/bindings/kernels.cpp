@@ -177,7 +177,7 @@ void bind_model(py::module_& m) {
       "run_sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
          bool cross_jumps, const std::string& method, int threads, const Flags& measured, const Input& s, bool outputs_alone,
-         bool doubts, const Columns& moved, const Input& moved_u) {
+         bool doubts, const Columns& moved, const Input& moved_u, bool whole_first) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Runs runs = checked_runs(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(runs.count), segments = static_cast<py::ssize_t>(runs.segments);
@@ -198,13 +198,15 @@ void bind_model(py::module_& m) {
                                 dy.mutable_data(),
                                 reinterpret_cast<Status*>(status.mutable_data()),
                                 reached.mutable_data()};
+        Tolerance tolerance = tolerance_of(rtol, cross_kinks, cross_jumps, method);
+        tolerance.whole_first = whole_first;
         run(threads, [&](const Workers& workers) {
-          run_sensitivities(model, runs, start, parameters, tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
+          run_sensitivities(model, runs, start, parameters, tolerance, workers, out);
         });
         return py::make_tuple(x, y, dx, dy, status, reached);
       },
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
-      "measured"_a, "s"_a, "outputs_alone"_a = false, "doubts"_a = false, "moved"_a = Columns(), "moved_u"_a = Input(),
+      "measured"_a, "s"_a, "outputs_alone"_a = false, "doubts"_a = false, "moved"_a = Columns(), "moved_u"_a = Input(), "whole_first"_a = false,
       "x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, "
       "empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN "
       "that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in "
