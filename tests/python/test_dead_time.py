@@ -214,6 +214,28 @@ def test_tangents_from_the_middle_of_a_run_are_those_of_the_whole() -> None:
     whole = run_tangents(problem, changed, theta, settings, outputs_alone=True)
     np.testing.assert_allclose(found.dy, whole.dy, atol=1e-6 * np.abs(whole.dy).max())
     np.testing.assert_allclose(found.x, whole.x, atol=1e-7)
+    assert not (found.dy[:, 6:] == base.dy[:, 6:]).all() and (found.dy[:, :6] == base.dy[:, :6]).all()
+
+
+def test_runs_of_other_lengths_go_on_from_their_middle_too() -> None:
+    prior = fp.GaussianPrior(
+        dict(zip(JOINT["parameters"], THETA.tolist(), strict=True)), relative_std=dict.fromkeys(JOINT["parameters"], 0.1)
+    )
+    region = fp.RunRegion({"q": 0, "w": 0, "u": (-3, 3), "dt": 0.02}, segments=12)
+    problem = fp.DesignProblem(joint(), prior, region, noise={"q": 1e-3, "w": 1e-2})
+    runs, settings, theta = torques(count=2), Integration(1e-8), np.tile(problem.theta, (2, 1))
+    dt = runs.dt.copy()
+    dt[1, 9:] = 0.0
+    runs = fp.Runs(runs.x0, runs.u, dt, before=runs.before)
+    u = runs.u.copy()
+    u[0, 3], u[1, 7] = 1.0, -1.0
+    changed = fp.Runs(runs.x0, u, dt, before=runs.before)
+    base = run_tangents(problem, runs, theta, settings)
+    found = tangents_from(problem, base, np.arange(2), changed, theta, settings, outputs_alone=False)
+    whole = run_tangents(problem, changed, theta, settings)
+    for name in ("x", "y", "dx", "dy"):
+        one, other = getattr(found, name), getattr(whole, name)
+        np.testing.assert_allclose(one, other, atol=1e-6 * np.abs(other).max())
 
 
 # --- records -----------------------------------------------------------------------------------------------------------------
