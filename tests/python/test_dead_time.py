@@ -172,6 +172,8 @@ def test_a_start_at_rest_is_that_of_the_input_before() -> None:
     runs = fp.Runs([[0.0]], [[[2.0], [2.0]]], [0.1, 0.1], rest=fp.Rest({"u": 0.5}))
     done = fp.simulate(model, runs, [2.0, 0.15], rtol=1e-10)
     np.testing.assert_allclose(done.x[0, :, 0], [1.0, 1.0, 4.0 - 3.0 * np.exp(-0.05)], rtol=1e-9)
+    measured = fp.VirtualRig(model, [2.0, 0.15], {"x": 0.0}, initial_state_std={"x": 1e-12}).measure(runs)
+    np.testing.assert_allclose(measured.y[0, :, 0], done.y[0, :, 0], rtol=1e-7)
     controlled = fp.Runs([[1.0]], [[[2.0], [2.0]]], [0.1, 0.1], rest=fp.Rest(hold=["x"], solve=["u"]))
     with pytest.raises(ValueError, match=r"rest\.solve: expected inputs without a dead time, given 'u'"):
         fp.simulate(model, controlled, [2.0, 0.15])

@@ -266,9 +266,9 @@ class Runs(InNotebooks):
         parts = self.u[:, longest], np.where(needed, self.dt, 0.0)[:, longest], samples[:, longest]
         return Runs._of(self.x0, *parts, self.columns, self.rests, self.before)
 
-    def starting(self, x0: Array) -> Runs:
-        """Return these runs with known starts (K, n_x), none of which has to be found."""
-        return Runs._of(x0, self.u, self.dt, self.measured, self.columns, None, self.before)
+    def starting(self, x0: Array, before: Array | None = None) -> Runs:
+        """Return these runs with known starts (K, n_x), none of which has to be found, and inputs before them (K, n_u)."""
+        return Runs._of(x0, self.u, self.dt, self.measured, self.columns, None, self.before if before is None else before)
 
     def divided(self, at: ArrayLike) -> Runs:
         """Return these runs with every segment divided at shares of its duration; the last one is 1, its part ends as before."""
