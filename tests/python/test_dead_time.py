@@ -373,8 +373,24 @@ def test_files_keep_the_inputs_before(tmp_path: Any) -> None:
     assert fp.Measurements.from_csv(tmp_path / "measured.csv", joint()).points == runs
     one, _ = record(0.04)
     one.to_csv(tmp_path / "record.csv", joint())
+    part = one[9:30]
+    part.to_csv(tmp_path / "part.csv", joint("u"))
+    with pytest.raises(ValueError, match=r"before: expected one input before the record, given several"):
+        part.to_csv(tmp_path / "part.csv", joint())
+    fit = fp.estimate(
+        joint().fix(J=0.05, c=0.6, d=0.1, g=0.3), part, start={"tau": 0.04, "x0_q": 0.0, "x0_w": 0.0}, noise={"q": 1e-3, "w": 1e-2}
+    )
+    fit.save(tmp_path / "fit")
+    kept = fp.Fit.load(tmp_path / "fit").data[0]
+    assert isinstance(kept, fp.Record) and kept.before is not None and (kept.before == part.before).all()
     again = fp.Record.from_csv(tmp_path / "record.csv", joint())
     assert again.before is not None and again.before.tolist() == [0.4] and again.x0 == one.x0
+
+
+@pytest.mark.parametrize("before", [[1.0, 2.0], [[0.0, 1.0]], [[-1.0, 1.0], [-2.0, 1.0]], [np.nan], []])
+def test_inputs_before_a_record_have_times_before_it(before: Any) -> None:
+    with pytest.raises(ValueError, match=r"before: expected"):
+        fp.Record([0.0, 1.0], [1.0, 1.0], [[1.0, 1.0]] * 2, before=before)
 
 
 @pytest.mark.parametrize("before", [[1.0, 2.0], "u", [np.inf], {"u": 1.0}])

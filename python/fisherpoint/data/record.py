@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_float, as_floats_of_shape, as_index, as_path, by_name, check_known, check_type
+from ..basics.checks import as_float, as_floats, as_index, as_path, by_name, check_known, check_type
 from ..basics.csv_file import csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
@@ -46,10 +46,10 @@ class Record(InNotebooks):
     begin : float, optional
         The time at which t of equations is zero, s; default: that of the first sample. Samples that are taken out of a record keep
         that of the whole.
-    before : array_like, (n_u,), optional
+    before : array_like, (n_u,), or (H, 1 + n_u), optional
         Inputs before the first sample, SI units, which equations with a dead time still read at first, see
-        `fisherpoint.math.delay`. Default: those of the first sample. Samples that are taken out of a record know what came
-        before them.
+        `fisherpoint.math.delay`; or rows of a time, s, and the inputs from then on, of which the first has those before it as well.
+        Default: those of the first sample. Samples that are taken out of a record know what came before them.
 
     Raises
     ------
@@ -65,7 +65,6 @@ class Record(InNotebooks):
     x0: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     begin: float | None = field(default=None, kw_only=True)
     before: Array | None = field(default=None, kw_only=True)
-    _earlier: tuple[Array, Array] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         t = checked_times(self.t)
@@ -75,7 +74,7 @@ class Record(InNotebooks):
             object.__setattr__(self, name, array)
         object.__setattr__(self, "x0", by_name(self.x0, None, "x0", as_float))
         if self.before is not None:
-            object.__setattr__(self, "before", as_floats_of_shape(self.before, self.u.shape[1:], "before"))
+            object.__setattr__(self, "before", _inputs_before(self.before, t[0], self.u.shape[1]))
         object.__setattr__(self, "begin", float(t[0]) if self.begin is None else as_float(self.begin, "begin"))
 
     def __len__(self) -> int:
@@ -89,12 +88,15 @@ class Record(InNotebooks):
         if step != 1 or not first < last:
             raise ValueError(f"samples: expected a slice of consecutive samples, at least one, given {shown(samples)}")
         x0 = self.x0 if first == 0 else {}
-        before = self.inputs.before if first else self.before
-        parts = [(self.t[:first], self.u[:first]), *([self._earlier] if self._earlier else [])][::-1]
-        earlier = (np.concatenate([t for t, _ in parts]), np.concatenate([u for _, u in parts]))
-        some = Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=x0, begin=self.begin, before=before)
-        object.__setattr__(some, "_earlier", earlier if len(earlier[0]) else None)
-        return some
+        before = np.concatenate([self._rows_before, np.column_stack([self.t, self.u])[:first]]) if first else self.before
+        return Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=x0, begin=self.begin, before=before)
+
+    @property
+    def _rows_before(self) -> Array:
+        """Rows of times and inputs before the first sample; the time of a single input does not count."""
+        if self.before is None or self.before.ndim == 2:
+            return np.empty((0, 1 + self.u.shape[1])) if self.before is None else self.before
+        return np.array([[self.t[0] - 1.0, *self.before]])
 
     def __repr__(self) -> str:
         measured = int(np.isfinite(self.y).sum())
@@ -115,9 +117,10 @@ class Record(InNotebooks):
     @property
     def inputs(self) -> RecordInputs:
         """The inputs over the time, with what they were before."""
-        before = self.u[0] if self.before is None else self.before
-        earlier = None if self._earlier is None else Earlier(self._earlier[0] - self.t[0], self._earlier[1])
-        return RecordInputs(self.since, self.u, before, earlier)
+        rows = self._rows_before
+        if not len(rows):
+            return RecordInputs(self.since, self.u, self.u[0])
+        return RecordInputs(self.since, self.u, rows[0, 1:], Earlier(rows[:, 0] - self.t[0], rows[:, 1:]))
 
     @property
     def samples(self) -> Array:
@@ -143,12 +146,17 @@ class Record(InNotebooks):
         self.check(model)
         inputs = names_of(model.inputs)
         outputs, starts = (f"y_{name}" for name in names_of(model.outputs)), (f"x0_{name}" for name in self.x0)
-        before = [] if self.before is None else [f"{BEFORE}_{name}" for name in inputs]
+        if model.delays and self.before is not None and self.before.ndim == 2:
+            raise ValueError(
+                "before: expected one input before the record, given several: write the whole record, not a part of it"
+            )
+        known = self.before if self.before is not None and self.before.ndim == 1 else None
+        before = [] if known is None else [f"{BEFORE}_{name}" for name in inputs]
         header = (time_name(inputs), *inputs, *outputs, *starts, *before)
         if len(set(header)) != len(header):
             raise ValueError(f"model: expected inputs other than y_<output>, x0_<state> and before_<input>, given {listed(inputs)}")
         first = np.full((len(self), len(self.x0) + len(before)), np.nan)
-        first[0] = [*self.x0.values(), *(self.before if self.before is not None else ())]
+        first[0] = [*self.x0.values(), *(() if known is None else known)]
         write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y, first]).tolist()))
 
     @classmethod
@@ -239,3 +247,13 @@ class Record(InNotebooks):
         record = cls(*merged_channels(channels, model), x0={} if x0 is None else x0)
         record.check(model)
         return record
+
+
+def _inputs_before(given: ArrayLike, start: float, inputs: int) -> Array:
+    """Inputs before the first sample (n_u,), or rows of times and inputs (H, 1 + n_u)."""
+    before = as_floats(given, "before")
+    if before.shape != (inputs,) and (before.ndim != 2 or before.shape[1] != 1 + inputs or not len(before)):
+        raise ValueError(f"before: expected shape ({inputs},) or (H, {1 + inputs}), given {before.shape}")
+    if before.ndim == 2 and not (np.diff(checked_times(before[:, 0], "before"), append=start) > 0).all():
+        raise ValueError(f"before: expected times before the first sample at {start:g} s, given {before[-1, 0]:g}")
+    return before
