@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.checks import check_type
 from ..basics.quantity import names_of
@@ -14,6 +15,7 @@ from ..basics.values import Array, IntArray
 from ..data.record import Record
 from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
+from ..points.dead_time import Switched
 from ..points.parameter_checks import sensible
 from ..points.run_trajectories import checked_run_sensitivities, checked_run_trajectories
 from ..points.runs import Runs
@@ -63,6 +65,10 @@ _BLOCK = 1 << 14
 
 _MOST = 1 << 23
 """Numbers of S that are held at a time where records are followed in one."""
+
+
+_ON_JUMP, _AHEAD = 1e-12, 1e-3
+"""Value below which a start is on a jump, and the share of a segment after which it is seen whether it has left that."""
 
 
 class RecordResponse:
@@ -245,9 +251,27 @@ class RecordResponse:
                 model.core, states, found.u[lane, places], dt, parameters, *self._settings, **options
             )
             slopes = dx[np.arange(len(last)), last]
-            return slopes, np.where((ended == Status.ok) & np.isnan(slopes).any(axis=(1, 2)), np.int32(Status.on_jump), ended)
+            unsure = np.isnan(slopes).any(axis=(1, 2))
+            if at.start == 0:
+                unsure[:count] |= self._leaves_jump(found, states[:count], parameters[:count])
+            return slopes, np.where((ended == Status.ok) & unsure, np.int32(Status.on_jump), ended)
 
         return lambda at: inputs[:, at].swapaxes(0, 1).reshape(-1, inputs.shape[2]), of_runs
+
+    def _leaves_jump(self, found: Switched, x: Array, theta: Array) -> NDArray[np.bool_]:
+        """Whether records (B,) start on a jump where their input switches, off which that before would move them."""
+        model, jumps = self._shifted, len(self._shifted.jumps)
+        leaves = np.zeros(len(x), dtype=bool)
+        if not jumps or not found.moved.size:
+            return leaves
+        for moved, before in zip(found.moved[:, 0].T, found.moved_u[:, 0].swapaxes(0, 1), strict=True):
+            rows = np.flatnonzero(moved >= 0)
+            given = x[rows], before[rows], theta[rows]
+            on = np.abs(np.asarray(model.core.switching(*given))[:, :jumps]) < _ON_JUMP
+            ahead, _, _, _ = model.kernels.simulate(model.core, *given[:2], _AHEAD * found.dt[rows, 0], given[2], *self._settings)
+            off = np.abs(np.asarray(model.core.switching(model.at(ahead, self.record.since[0]), *given[1:]))[:, :jumps]) > _ON_JUMP
+            leaves[rows] |= (on & off).any(axis=1)
+        return leaves
 
     def _carried(self, theta: Array, x: Array) -> tuple[Array, IntArray]:
         """dy (B, N, n_y, P) along trajectories x (B, N, n_x), and statuses."""

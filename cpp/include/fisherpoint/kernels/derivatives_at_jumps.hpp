@@ -41,7 +41,7 @@ template <class M, class P>
       for (int i = 0; carried && i < n_x; ++i) {
         P s(0.0);
         for (int lane = 0; lane < pack.used; ++lane)
-          lanes_of<P>::set(s, lane, carried->s[(rows[lane] * n_x + i) * p + j] + carried->moved.of(rows[lane], j, i, n_x));
+          lanes_of<P>::set(s, lane, carried->s[(rows[lane] * n_x + i) * p + j] + carried->moved.of(rows[lane], j, i, m, n_x));
         by_theta += h.by_state[i] * s;
         parts += abs(h.by_state[i] * s);
       }

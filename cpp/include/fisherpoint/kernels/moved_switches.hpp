@@ -27,6 +27,7 @@ struct MovedStarts {
   std::size_t each = 0;
   const std::int32_t* column = nullptr;  // (count, each)
   const double* rate = nullptr;          // (count, each, n_x)
+  const Variables* slid = nullptr;       // (count, each), the jumps that it slides on before
 
   bool any_of(std::span<const std::size_t> rows) const {
     for (const std::size_t k : rows)
@@ -34,18 +35,21 @@ struct MovedStarts {
         if (column[k * each + e] >= 0) return true;
     return false;
   }
-  // What f before the switch of point k adds to the entry of state i in column j, until the switch is behind.
-  double of(std::size_t k, int j, int i, int n_x) const {
-    for (std::size_t e = 0; e < each; ++e)
-      if (column[k * each + e] == j) return rate[(k * each + e) * n_x + i];
+  // What f before the switch of point k adds to h_x S in column j, by state i, until the switch is behind: nothing to that of a
+  // jump m that it slides on, but rounding.
+  double of(std::size_t k, int j, int i, int m, int n_x) const {
+    for (std::size_t e = k * each; e < (k + 1) * each; ++e)
+      if (column[e] == j) return slid[e] >> m & 1 ? 0.0 : rate[e * n_x + i];
     return 0.0;
   }
 };
 
-// f at the starts of points[rows[0]], ..., into rate + k * stride, on the sides on which their segments would begin.
+// f at the starts of points[rows[0]], ..., into rate + k * each * n_x, on the sides on which their segments would begin, and
+// the jumps that they slide on into slid + k * each.
 template <class P, class Method, class M>
 void rates_at_starts(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
-                     std::span<const std::size_t> rows, SegmentEnd* const* ends, double* rate, std::size_t stride) {
+                     std::span<const std::size_t> rows, SegmentEnd* const* ends, double* rate, Variables* slid,
+                     std::size_t each) {
   using Equation = StateEquation<M, P>;
   const auto shape = shape_of(model);
   const PointPack<M, P> pack(shape, points, parameters, rows);
@@ -69,7 +73,12 @@ void rates_at_starts(const M& model, const Points& points, const Parameters& par
     rates_along(equation, x, side, dx);
   else
     equation.derivative(x, side, dx);
-  for (int lane = 0; lane < pack.used; ++lane) get_lane(dx, lane, rate + rows[lane] * stride);
+  for (int lane = 0; lane < pack.used; ++lane) {
+    get_lane(dx, lane, rate + rows[lane] * each * shape.states);
+    Variables& on = slid[rows[lane] * each] = 0;
+    for (int m = 0; m < shape.jumps_end; ++m)
+      if (lanes_of<P>::get(side[m], lane) == 0.0) on |= Variables{1} << m;
+  }
 }
 
 }  // namespace fisherpoint
