@@ -5,8 +5,8 @@ correlation times long, and the parameters are estimated as if it were white. Th
 by standard errors and by robust ones, and the share of fits that warn. It must be at most 5 % at white noise, and at least 95 %
 where less than 80 % of the intervals hold; the exit code is 1 where it is not.
 
-With ``--found`` the noise is looked for, by ``noise="estimated"``: the table has the share of 95 % intervals that hold, and how often
-the form of the noise was found. The share must be 93 to 97 % but for chance, by three standard deviations.
+With ``--found`` the noise is looked for, by ``noise="estimated"``: the table has the share of 95 % intervals that hold, and how
+often the form of the noise was found. The share must be 93 to 97 % but for chance, by three standard deviations.
 """
 
 from __future__ import annotations
