@@ -105,7 +105,7 @@ def estimate(
                 parameters=problem.parameters,
                 noise=problem.noise if known else "estimated",
                 # Noise that is estimated has what is drawn anew in it.
-                deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
+                deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain, local=problem.local),
                 threads=frame.threads,
                 progress=not frame.quiet,
             )

@@ -26,7 +26,7 @@ def plots_of(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Plots
         names.append("time")
     if any(len(check.autocorrelation.values) for check in fit.residual_checks.values()):
         names.append("autocorrelation")
-    if len(fit.parameters) > 1:
+    if len(fit.common) > 1:
         names += ["correlation", "ellipses"]
     plots = {name: partial(_drawn, name, fit) for name in names}
     return {**plots, "profiles": partial(_profiles, profiles)} if profiles else plots

@@ -15,7 +15,7 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from .noise_memory import NoiseMemory, memory_of, slices_of
-from .sandwich import Sandwich, root, sandwich
+from .sandwich import Sandwich, sandwich
 from .whiteness import (
     Autocorrelation,
     Periodogram,
@@ -134,12 +134,21 @@ class WhitenedRows(NamedTuple):
     covariance : ndarray, (P, P)
         F^-1, of what is determined.
     measured : ndarray of bool, (N, n_y)
+    common : int
+        Number of the first columns of `share` that all samples have.
+    share : ndarray, (N, n_y, k)
+        Q: Q Q^T is what the fit has taken from the residuals' covariance. Behind the common columns those of a sample's own block.
+    block : ndarray of int, (N,), or None
+        Number of each sample's block; None where all columns are common.
     """
 
     residuals: Array
     jacobian: Array
     covariance: Array
     measured: NDArray[np.bool_]
+    common: int
+    share: Array
+    block: NDArray[np.intp] | None = None
 
 
 def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: NDArray[np.bool_]) -> Mapping[str, ResidualCheck]:
@@ -153,8 +162,8 @@ def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: ND
     judged : ndarray of bool, (n_y,)
         Outputs whose residuals are more than numerical errors.
     """
-    residuals, jacobian, covariance, measured = rows
-    factor, is_point = root(covariance), np.zeros(len(residuals), dtype=bool)
+    residuals, jacobian, measured = rows.residuals, rows.jacobian, rows.measured
+    is_point = np.zeros(len(residuals), dtype=bool)
     is_point[series.points] = True
     checks = {}
     for i, name in enumerate(names_of(model.outputs)):
@@ -163,8 +172,9 @@ def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: ND
         here = measured[:, i] & ~is_point
         counts = np.bincount(series.numbers[here], minlength=1)
         here &= (counts > 1)[np.minimum(series.numbers, len(counts) - 1)]
-        e, share, numbers = residuals[here, i], jacobian[here, i] @ factor, series.numbers[here]
-        found, frequencies = autocorrelation(e, share, numbers), spectrum(e, share, numbers)
+        e, share, numbers = residuals[here, i], rows.share[here, i], series.numbers[here]
+        blocks = None if rows.block is None else (rows.common, rows.block[here])
+        found, frequencies = autocorrelation(e, share, numbers, blocks=blocks), spectrum(e, share, numbers)
         lags, lag_p_value = portmanteau(found)
         points = measured[series.points, i]
         signs = fewest_sign_changes(residuals[series.points[points], i], series.settings[points], series.names)
@@ -187,6 +197,10 @@ def robust(
     rows: WhitenedRows,
     of_prior: Array,
 ) -> Sandwich:
-    """The robust covariance of the estimate, prewhitened where residuals are not white; `of_prior` (P, P) is its information."""
+    """The robust covariance of the estimate, prewhitened where residuals are not white; `of_prior` (P, P) is its information.
+
+    Series have the weight that they have for the common unknowns.
+    """
     memories = [checks[name].memory or NoiseMemory() if name in checks else NoiseMemory() for name in names_of(model.outputs)]
-    return sandwich(*rows[:3], series.numbers, rows.measured, memories, of_prior)
+    found = None if rows.block is None else (rows.share, rows.common)
+    return sandwich(*rows[:3], series.numbers, rows.measured, memories, of_prior, found)

@@ -16,6 +16,7 @@ from ...information.evaluation import WITH_PRIOR, value_of_criterion
 from ...information.feasibility import Feasibility
 from ...information.local_robustness import DISTANCE, Nearby, times
 from ...information.problem import DesignProblem
+from ...information.problem_report import local_in_words
 from ...models import Model
 from ...points.experiments import Experiments
 from ...points.outside_region import few, outside
@@ -201,7 +202,9 @@ def _criterion(evaluated: EvaluatedPoints) -> Section:
 
 
 def _assumed(problem: DesignProblem) -> Iterator[tuple[str, str]]:
-    """What is not known exactly: constants of the plant, and what is drawn anew in each point or run."""
+    """What is not known exactly: constants of the plant, what is drawn anew in each point or run, and local parameters."""
+    if problem.local_parameters:
+        yield "local parameters, estimated too", local_in_words(problem.local_parameters)
     model = problem.model
     units = {q.name: q.unit for q in (*model.states, *model.parameters, *model.constant_quantities)}
     drawn = ("drawn anew in each point or run", problem.varies)
