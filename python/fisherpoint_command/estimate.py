@@ -61,7 +61,8 @@ def estimate(
 ) -> int:
     """Estimate the parameters from measured data, and report how good the fit is.
 
-    Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser.
+    Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser; of
+    local parameters local.csv.
     """
     with importing():
         import numpy as np

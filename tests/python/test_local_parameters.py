@@ -232,7 +232,11 @@ def test_posterior_leaves_local_parameters_alone() -> None:
         ({"m_load": "record"}, {}, r"local\['m_load'\]: expected records, given measurements of runs in the data"),
         ({"m_load": "run"}, {"parameters": ["d", "m_load"]}, "parameters: expected those that all data share, given 'm_load'"),
         ({"m_load": "run", "d": "run", "c": "run"}, {}, "expected at least one name"),
-        ({"m_load": "run"}, {"noise": "estimated"}, "noise: expected the sensor noise, or None, beside local parameters, given 'estimated' and m_load"),
+        (
+            {"m_load": "run"},
+            {"noise": "estimated"},
+            "expected the sensor noise, or None, beside local parameters, given",
+        ),
         ({"m_load": fp.Local("run", spread=1.0)}, {"noise": None}, "noise: expected the sensor noise together with the spread"),
     ],
 )
