@@ -63,7 +63,7 @@ class Precision:
 
     @classmethod
     def of_blocks(cls, tangent: BorderedTangent) -> Precision:
-        """Of a Jacobian that `is_clear`, from its factors: R^-1 R^-T, and no directions."""
+        """The precision of a Jacobian that `is_clear`, from its factors: R^-1 R^-T, and no directions."""
         triangle = tangent.layout.triangle(tangent.factor)[0] * tangent.size[0]
         inverse = tangent.layout.inverse(tangent.factor)[0] / tangent.size[0][:, None]
         p = len(triangle)

@@ -110,7 +110,7 @@ class FitStatistics:
     starts: int
     reached: int
     weighted: WeightedResiduals
-    noise_estimate: Mapping[str, OutputNoiseEstimate] | None = None
+    noise_estimate: Mapping[str, OutputNoiseEstimate] | None = field(default=None, kw_only=True)
     spread: Mapping[str, Spread] = field(default=NO_SPREAD, kw_only=True)
 
     @property
