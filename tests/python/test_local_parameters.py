@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from scipy.optimize import brentq, minimize_scalar
 import fisherpoint as fp
 from fisherpoint.estimation.bordered import Bordered
 from fisherpoint.estimation.least_squares import DENSE, Tangent
+from fisherpoint.estimation.precision import Precision
+from fisherpoint.estimation.whiteness import autocorrelation, spectrum
 from local_cases import NOISE, START, cart, joint_fit, measured
 
 
@@ -71,6 +74,55 @@ def test_a_known_spread_is_what_varies() -> None:
     )
     for name in ("d", "c"):
         assert local.standard_errors[name] == pytest.approx(varies.standard_errors[name], rel=2e-3)  # tangents elsewhere
+
+
+def test_runs_within_plants_are_one_block_each() -> None:
+    """Statistics from blocks are those of the whole Jacobian."""
+
+    @fp.model(
+        states={"v": "m/s"},
+        inputs={"F": "N"},
+        parameters={"d": "N s/m", "c": "N", "m_load": "kg", "off": "m/s"},
+        outputs={"y": "m/s"},
+    )
+    def with_offset(x: Any, u: Any, p: Any) -> Any:
+        return [(u.F - p.d * x.v - p.c * fp.math.tanh(x.v / 0.05)) / (2.0 + p.m_load)], [x.v + p.off]
+
+    data = measured(12, labels={"plant": [k // 3 for k in range(12)]})
+    local = fp.Deviations(local={"m_load": "run", "off": "plant"})
+    fit = fp.estimate(with_offset, data, start=START | {"off": 0.0}, noise={"y": NOISE}, deviations=local)
+    whole = Precision.of(fit.jacobian)
+    assert fit.converged and len(fit.parameters) == 2 + 12 + 4
+    assert fit.precision.covariance == pytest.approx(whole.covariance, rel=1e-9)
+    assert fit.precision.information == pytest.approx(whole.information, rel=1e-9, abs=1e-9 * whole.information.max())
+    assert fit.degrees_of_freedom == pytest.approx(180 - 18, abs=1e-8)
+    share = fit.jacobian @ np.linalg.cholesky(whole.covariance)
+    series = np.repeat(np.arange(12), 15)
+    expected, found = autocorrelation(fit.whitened[:, 0], share, series), fit.residual_checks["y"].autocorrelation
+    assert found.expected == pytest.approx(expected.expected, rel=1e-8)
+    assert found.covariance == pytest.approx(expected.covariance, rel=1e-8, abs=1e-12)
+    assert fit.residual_checks["y"].spectrum.expected == pytest.approx(
+        spectrum(fit.whitened[:, 0], share, series).expected, rel=1e-8
+    )
+    again = pickle.loads(pickle.dumps(fit))
+    assert again.standard_errors == fit.standard_errors
+
+
+def test_noise_with_a_memory_goes_with_it() -> None:
+    data, memory = measured(8), fp.GaussMarkov(NOISE, 0.5)
+    fit = fit_of(data, {"m_load": "run"}, noise={"y": fp.Noise(NOISE, colored=memory)})
+    t = np.arange(1, 16) * 0.2
+    covariance = NOISE**2 * (np.eye(15) + np.exp(-np.abs(t[:, None] - t) / 0.5))
+    white = np.kron(np.eye(8), np.linalg.inv(np.linalg.cholesky(covariance)))
+
+    def outputs(values: np.ndarray) -> np.ndarray:
+        theta = np.column_stack([np.tile(values[:2], (8, 1)), values[2:]])
+        return fp.simulate(cart(), data.points, theta, rtol=1e-12).y.ravel()
+
+    steps = 1e-5 * np.eye(10)
+    j = white @ np.column_stack([(outputs(fit.values + h) - outputs(fit.values - h)) / 2e-5 for h in steps])
+    errors = np.sqrt(np.diag(np.linalg.inv(j.T @ j)))
+    assert list(fit.standard_errors.values()) == pytest.approx(errors, rel=1e-7)
 
 
 def test_blocks_are_a_dense_qr() -> None:

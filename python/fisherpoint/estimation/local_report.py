@@ -63,7 +63,7 @@ def local_findings(fit: FitStatistics) -> Iterator[str]:
             groups = f"{local.local[name].by}s"
             yield f"{name}: no spread between the {groups} is found, at most {number(one.interval[1], 3)}: they may share one value"
     between = np.abs(fit.correlation[:common, common:])
-    for name in local.local:
+    for name in (name for name in local.local if name not in fit.spread):  # a spread keeps values near their mean
         places = local.of_parameter(name)
         for i in np.flatnonzero((between[:, places] > STRONG).any(axis=1)) if len(places) else ():
             strong = between[i, places]

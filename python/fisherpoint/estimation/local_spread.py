@@ -32,7 +32,7 @@ ROUNDS = 50
 SETTLED = 1e-9
 """Change of a spread, as a share, from which on it is the same."""
 
-LEAST, MOST = 1e-4, 1e4
+LEAST, MOST = 1e-3, 1e4
 """Bounds of a spread, in multiples of the median standard error that the values have without."""
 
 THRESHOLD = 3.841459

@@ -155,7 +155,8 @@ def _parameter_table(evaluated: EvaluatedPoints) -> Section:
     noise = "the sensor noise (D = R)"
     if problem.assumed is not None:
         anew = "the sensor noise and what is drawn anew (R_k)" if problem.assumed.columns else noise
-        noise = f"{anew}, with uncertain constants unknown too" if problem.n_nuisance else anew
+        also = "uncertain constants" if problem.uncertain or problem.shared_starts else "local parameters"
+        noise = f"{anew}, with {also} unknown too" if problem.n_nuisance else anew
     alone = under_noise.without_prior
     columns = ["parameter", "unit", "mean", "prior std", "standard error", "RSE", "of prior std"]
     columns += [] if alone is None else ["without the prior"]
