@@ -159,10 +159,10 @@ class Fit(FitStatistics, Shown):
 
         Parameters
         ----------
-        kind : {"parity", "residuals", "time", "autocorrelation", "correlation", "ellipses", "profiles"}
+        kind : {"parity", "residuals", "time", "autocorrelation", "correlation", "ellipses", "local", "profiles"}
             Measured against predicted outputs; residuals in units of the noise; records and runs over time; autocorrelation and
-            spectrum of what is left in these; the correlation of the estimates; joint confidence ellipses; the profile likelihood
-            of every unknown, which takes a while.
+            spectrum of what is left in these; the correlation of the estimates; joint confidence ellipses; the values of local
+            parameters; the profile likelihood of every unknown, which takes a while.
         path : path, optional
             Where the picture is also written; the ending says the format, PNG where there is none.
         progress : bool or callable, optional

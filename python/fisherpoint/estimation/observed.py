@@ -122,6 +122,10 @@ class Observed:
             theta[:, names_of(self.model.parameters).index(name)] = values[:, self.names.index(name)]
         return theta
 
+    def of_mean(self, values: Array, name: str) -> float:
+        """The mean of a local parameter at unknowns (P,)."""
+        return float(self.parameters(values[None])[0, names_of(self.model.parameters).index(name)])
+
     def of_sample(self, values: Array, sample: int) -> Array:
         """All parameters (p,) of the model at a sample."""
         theta: Array = self.parameters(values[None])[0]

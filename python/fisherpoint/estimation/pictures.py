@@ -36,6 +36,7 @@ from ..show.style import (
     show_under_mouse,
 )
 from ..show.time_axes import RunTime, is_crowded, make_logarithmic_from_zero, shares_of
+from .local_pictures import plot_local
 from .profile_curve import ProfileCurve
 from .residual_pictures import plot_autocorrelation
 from .statistics import FitStatistics
@@ -282,6 +283,7 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
     "autocorrelation": plot_autocorrelation,
     "correlation": plot_correlation,
     "ellipses": plot_ellipses,
+    "local": plot_local,
 }
 """The pictures of a fit by their kind, but for profiles, which are computed first."""
 
