@@ -281,6 +281,7 @@ def test_posterior_leaves_local_parameters_alone() -> None:
     [
         ({"mass": "run"}, {}, "local: expected names of d, c, m_load; given unknown 'mass'"),
         ({"m_load": "rig"}, {}, r"local\['m_load'\]: expected labels 'rig', given none in the data"),
+        ({"m_load": fp.Local("plant", spread="estimated")}, {}, "expected at least 2 groups to estimate their spread, given 1"),
         ({"m_load": "record"}, {}, r"local\['m_load'\]: expected records, given measurements of runs in the data"),
         ({"m_load": "run"}, {"parameters": ["d", "m_load"]}, "parameters: expected those that all data share, given 'm_load'"),
         ({"m_load": "run", "d": "run", "c": "run"}, {}, "expected at least one name"),
@@ -294,7 +295,7 @@ def test_posterior_leaves_local_parameters_alone() -> None:
 )
 def test_misuse_is_one_line(local: Any, options: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message) as caught:
-        fit_of(measured(3), local, **options)
+        fit_of(measured(3, labels={"plant": "A"}), local, **options)
     assert "\n" not in str(caught.value)
 
 

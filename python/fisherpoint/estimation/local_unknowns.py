@@ -60,7 +60,7 @@ class LocalUnknowns:
         Raises
         ------
         ValueError
-            Where data have no such labels, or are no records.
+            Where data have no such labels, are no records, or are of one group alone whose spread is to be estimated.
         """
         each: list[LocalUnknown] = []
         trajectories = tuple(np.empty((_count(part), len(local)), dtype=np.intp) for part in data)
@@ -68,6 +68,8 @@ class LocalUnknowns:
             found: dict[str, int] = {}
             for places, labels in zip(trajectories, _labels(name, one, data), strict=True):
                 places[:, j] = [len(each) + found.setdefault(label, len(found)) for label in labels]
+            if one.estimated and len(found) < 2:
+                raise ValueError(f"local[{name!r}]: expected at least 2 groups to estimate their spread, given {len(found)}")
             each += [LocalUnknown(name, label) for label in found]
         return cls(FrozenMapping(dict(local)), tuple(each), trajectories, _of_samples(data, trajectories))
 

@@ -15,7 +15,7 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from .noise_memory import NoiseMemory, memory_of, slices_of
-from .sandwich import Sandwich, sandwich
+from .sandwich import Sandwich, root, sandwich
 from .whiteness import (
     Autocorrelation,
     Periodogram,
@@ -124,6 +124,24 @@ class Series:
         return cls(np.concatenate(numbers), np.concatenate(points), np.concatenate(settings), names)
 
 
+class ShareOfBlocks(NamedTuple):
+    """Q with Q Q^T as what the fit has taken from the residuals' covariance.
+
+    Attributes
+    ----------
+    rows : ndarray, (N, n_y, k)
+        Columns that all samples share, and behind these those of a sample's own block.
+    common : int
+        Number of the former.
+    number : ndarray of int, (N,)
+        Of each sample's block.
+    """
+
+    rows: Array
+    common: int
+    number: NDArray[np.intp]
+
+
 class WhitenedRows(NamedTuple):
     """All that the tests of residuals and robust standard errors need, beside which samples belong together.
 
@@ -134,21 +152,15 @@ class WhitenedRows(NamedTuple):
     covariance : ndarray, (P, P)
         F^-1, of what is determined.
     measured : ndarray of bool, (N, n_y)
-    common : int
-        Number of the first columns of `share` that all samples have.
-    share : ndarray, (N, n_y, k)
-        Q: Q Q^T is what the fit has taken from the residuals' covariance. Behind the common columns those of a sample's own block.
-    block : ndarray of int, (N,), or None
-        Number of each sample's block; None where all columns are common.
+    blocks : ShareOfBlocks or None
+        What the fit has taken, by blocks of samples; None where that is from the whole Jacobian.
     """
 
     residuals: Array
     jacobian: Array
     covariance: Array
     measured: NDArray[np.bool_]
-    common: int
-    share: Array
-    block: NDArray[np.intp] | None = None
+    blocks: ShareOfBlocks | None = None
 
 
 def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: NDArray[np.bool_]) -> Mapping[str, ResidualCheck]:
@@ -162,7 +174,8 @@ def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: ND
     judged : ndarray of bool, (n_y,)
         Outputs whose residuals are more than numerical errors.
     """
-    residuals, jacobian, measured = rows.residuals, rows.jacobian, rows.measured
+    residuals, jacobian, covariance, measured, of_blocks = rows
+    factor = root(covariance) if of_blocks is None else None
     is_point = np.zeros(len(residuals), dtype=bool)
     is_point[series.points] = True
     checks = {}
@@ -172,8 +185,9 @@ def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: ND
         here = measured[:, i] & ~is_point
         counts = np.bincount(series.numbers[here], minlength=1)
         here &= (counts > 1)[np.minimum(series.numbers, len(counts) - 1)]
-        e, share, numbers = residuals[here, i], rows.share[here, i], series.numbers[here]
-        blocks = None if rows.block is None else (rows.common, rows.block[here])
+        e, numbers = residuals[here, i], series.numbers[here]
+        share = jacobian[here, i] @ factor if of_blocks is None else of_blocks.rows[here, i]
+        blocks = None if of_blocks is None else (of_blocks.common, of_blocks.number[here])
         found, frequencies = autocorrelation(e, share, numbers, blocks=blocks), spectrum(e, share, numbers)
         lags, lag_p_value = portmanteau(found)
         points = measured[series.points, i]
@@ -202,5 +216,5 @@ def robust(
     Series have the weight that they have for the common unknowns.
     """
     memories = [checks[name].memory or NoiseMemory() if name in checks else NoiseMemory() for name in names_of(model.outputs)]
-    found = None if rows.block is None else (rows.share, rows.common)
-    return sandwich(*rows[:3], series.numbers, rows.measured, memories, of_prior, found)
+    shares = None if rows.blocks is None else (rows.blocks.rows, rows.blocks.common)
+    return sandwich(*rows[:3], series.numbers, rows.measured, memories, of_prior, shares)

@@ -102,13 +102,14 @@ def root(covariance: Array) -> Array:
 def _of_series(
     e: Array, jacobian: Array, covariance: Array, parts: Sequence[slice], shares: tuple[Array, int] | None = None
 ) -> Array:
-    p, share = len(covariance), jacobian @ root(covariance) if shares is None else shares[0]
+    factor, p = root(covariance) if shares is None else None, len(covariance)
     firsts, lengths = np.array([part.start for part in parts]), np.array([part.stop - part.start for part in parts])
     middle = np.zeros((p, p))
     for length in np.unique(lengths):
         rows = firsts[lengths == length][:, None] + np.arange(length)
         own, r = jacobian[rows].reshape(len(rows), -1, p), e[rows].reshape(len(rows), -1, 1)
-        left, sizes, _ = np.linalg.svd(share[rows].reshape(len(rows), -1, share.shape[2]), full_matrices=False)
+        taken = own @ factor if shares is None else shares[0][rows].reshape(len(rows), -1, shares[0].shape[2])
+        left, sizes, _ = np.linalg.svd(taken, full_matrices=False)
         grown = 1 / np.sqrt(np.maximum(1 - np.square(sizes), LEAST_LEFT)) - 1
         r = r + left @ (grown[..., None] * (left.transpose(0, 2, 1) @ r))
         scores = (own * r).sum(axis=1)

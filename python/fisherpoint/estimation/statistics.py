@@ -26,8 +26,8 @@ from .local_values import NO_SPREAD, LocalValue, Spread
 from .noise_estimate import OutputNoiseEstimate, student_degrees
 from .nuisance import Nuisance
 from .precision import Precision, in_words, is_clear, quantile
-from .residual_checks import OFF, ResidualCheck, Series, WhitenedRows, residual_checks, robust
-from .sandwich import Sandwich, root
+from .residual_checks import OFF, ResidualCheck, Series, ShareOfBlocks, WhitenedRows, residual_checks, robust
+from .sandwich import Sandwich
 from .small_samples import Inflated, inflated, output_degrees_of_freedom
 from .unknown_noise import TINY, correlations_can_be_estimated, residual_covariance
 from .weighting import WeightedResiduals
@@ -275,9 +275,8 @@ class FitStatistics:
     def output_degrees_of_freedom(self) -> Array:
         """Number of measured values of each output less what the unknowns take up of it, (n_y,)."""
         counts = np.isfinite(self.residuals).sum(axis=0)
-        if self._tangent is not None:
-            share = self._whitened_rows.share
-            return np.asarray(np.maximum(counts - np.square(share).sum(axis=(0, 2)), 0.0))
+        if (blocks := self._whitened_rows.blocks) is not None:
+            return np.asarray(np.maximum(counts - np.square(blocks.rows).sum(axis=(0, 2)), 0.0))
         degrees: Array = output_degrees_of_freedom(self._data_jacobian, self._precision.covariance[None], counts)[0]
         return degrees
 
@@ -423,10 +422,10 @@ class FitStatistics:
         measured, covariance = np.isfinite(self.residuals), self._precision.covariance
         given = self.whitened, self._data_jacobian[0], covariance, measured
         if self._tangent is None:
-            return WhitenedRows(*given, len(self.values), self._data_jacobian[0] @ root(covariance))
+            return WhitenedRows(*given)
         share, block = self._tangent.shares()
         (count, outputs), n = self.residuals.shape, self.residuals.size
-        return WhitenedRows(*given, len(self.common), share[:n].reshape(count, outputs, -1), block[:n:outputs])
+        return WhitenedRows(*given, ShareOfBlocks(share[:n].reshape(count, outputs, -1), len(self.common), block[:n:outputs]))
 
     @property
     def _data_jacobian(self) -> Array:

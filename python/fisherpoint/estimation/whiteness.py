@@ -87,7 +87,8 @@ def autocorrelation(
     common, number = (share.shape[1], np.zeros(len(e), dtype=np.intp)) if blocks is None else blocks
     shared = np.zeros((n_lags + 1, common, common))
     order = np.argsort(number, kind="stable")
-    for some in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
+    each = [slice(None)] if blocks is None else np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
+    for some in each:
         first = np.zeros((n_lags + 1, share.shape[1], share.shape[1]))  # Q^T A_k Q, where e^T A_k e is the sum of products at lag k
         for q, partners in _lagged(share[some], series[some], n_lags):
             first += q.T @ partners
