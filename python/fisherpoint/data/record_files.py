@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,11 +12,17 @@ from ..basics.table import DataTable
 from ..basics.values import Array
 from ..models import Model
 from ..points.run_files import time_name
+from .labels import label_columns, labels_of_table
 
 
-def read_record(table: DataTable, model: Model) -> tuple[Array, Array, Array, dict[str, float]]:
-    """t (N,), u (N, n_u), y (N, n_y) and the known starts of a table of `model`; see `Record.from_table`."""
-    time, columns, starts = _columns(table, model)
+def read_record(
+    table: DataTable, model: Model, labels: Sequence[str] | None = None
+) -> tuple[Array, Array, Array, dict[str, float], dict[str, str]]:
+    """t (N,), u (N, n_u), y (N, n_y), the known starts and the labels of a table of `model`; see `Record.from_table`."""
+    states, inputs, outputs = (names_of(some) for some in (model.states, model.inputs, model.outputs))
+    taken = (*states, *inputs, *outputs, *(f"y_{name}" for name in outputs), *(f"x0_{name}" for name in states))
+    of_labels = label_columns(labels, (time_name(inputs), *taken))
+    time, columns, starts = _columns(table, model, of_labels)
     table.warn_of_cut_off()
     table.read_decimal_commas((time, *names_of(model.inputs), *columns.values(), *starts.values()))
     t = table.times(time)
@@ -26,17 +32,18 @@ def read_record(table: DataTable, model: Model) -> tuple[Array, Array, Array, di
     for i, quantity in enumerate(model.outputs):
         if quantity.name in columns:
             y[:, i] = table.numbers(columns[quantity.name], quantity.unit)
-    return t, u, y, _starts(table, model, starts)
+    found = labels_of_table(table, of_labels, np.arange(len(table)) == 0)
+    return t, u, y, _starts(table, model, starts), {name: first for name, (first,) in found.items()}
 
 
-def _columns(table: DataTable, model: Model) -> tuple[str, dict[str, str], dict[str, str]]:
+def _columns(table: DataTable, model: Model, labels: Sequence[str]) -> tuple[str, dict[str, str], dict[str, str]]:
     """The columns of the times, of each output that was measured, and of starts by state, after a check of all columns."""
     time, inputs, outputs = time_name(names_of(model.inputs)), names_of(model.inputs), names_of(model.outputs)
     starts = {name: f"x0_{name}" for name in names_of(model.states) if f"x0_{name}" in table and f"x0_{name}" not in inputs}
     needed = (time, *inputs)
     taken = {*needed, *names_of(model.states), *starts.values()}
     choices = {name: [column for column in (f"y_{name}", name) if column in table and column not in taken] for name in outputs}
-    read = {*needed, *starts.values(), *(column for columns in choices.values() for column in columns)}
+    read = {*needed, *labels, *starts.values(), *(column for columns in choices.values() for column in columns)}
     if not set(needed) <= set(table.names) or set(table.names) - read or sorted(map(len, choices.values()))[-1] != 1:
         expected = listed((*needed, *(f"y_{name}" for name in outputs)))
         further = f"; x0_<state>, of {listed(names_of(model.states))}, for known starts" if model.states else ""
