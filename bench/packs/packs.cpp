@@ -47,7 +47,7 @@ double sum_of_variances(const M& model, const std::array<double, p>& mean, const
   const StateEquation<M, double> nominal(model, mean, {point.u});
   auto end = point.x0;
   std::vector<double> spool;  // the same at all nodes, so that they only remember it
-  Replay<M, double, DormandPrince853>(nominal).run(end, plan, Recorded{spool});
+  replay<DormandPrince853>(nominal, {}, end, plan, Recorded{spool});
   DeviationSum<Number, Count<n_y>> sum({});
   std::vector<double> nodes(p * grid.size()), weight(grid.size());
   grid.read(0, grid.size(), nodes.data(), weight.data());
@@ -62,7 +62,7 @@ double sum_of_variances(const M& model, const std::array<double, p>& mean, const
     for (int j = 0; j < p; ++j) theta[j] = Number::load(lanes[j]);
     const Equation equation(model, theta, input);
     auto x = start;
-    const auto clear = Replay<M, Number, DormandPrince853>(equation).run(x, plan, Remembered{spool.data()}).clear();
+    const auto clear = replay<DormandPrince853>(equation, {}, x, plan, Remembered{spool.data()}).clear();
     auto y = to_array<Number>(model.output(x, input, theta));
     for (int i = 0; i < n_y; ++i) y[i] -= start[i < 1 ? i : i + 1];  // the outputs are q, p_A, p_B, x_v
     sum.add(y, {}, select(clear, Number::load(weights), Number(0.0)));

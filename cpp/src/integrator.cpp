@@ -2,7 +2,6 @@
 
 namespace fisherpoint {
 
-template class Integrator<KernelEquation, DormandPrince>;
-template class Integrator<KernelEquation, DormandPrince853>;
+template class Integrator<KernelEquation, KernelMethod<DormandPrince853>>;
 
 }  // namespace fisherpoint

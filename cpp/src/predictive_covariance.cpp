@@ -8,7 +8,7 @@ template <class M>
 void predictive_covariance(const M& model, const Points& points, const double* nominal_theta, const PriorNodes& nodes,
                            double max_lost, const Tolerance& tolerance, const Workers& workers,
                            const PredictiveCovariances& out) {
-  with_method(tolerance.method, [&]<class Method>(Method) {
+  with_method<M>(tolerance.method, [&]<class Method>() {
     predictive_covariance_packs<Pack<lanes_for<M>>, Method>(model, points, nominal_theta, nodes, max_lost, tolerance, workers,
                                                             out);
   });

@@ -7,7 +7,7 @@ namespace fisherpoint {
 template <class M>
 void simulate_runs(const M& model, const Runs& runs, const Parameters& parameters, const Tolerance& tolerance,
                    const Workers& workers, const RunStates& out) {
-  with_method(tolerance.method, [&]<class Method>(Method) {
+  with_method<M>(tolerance.method, [&]<class Method>() {
     run_packs<Pack<lanes_for<M>>, Method>(model, runs, parameters, tolerance, workers, out);
   });
 }

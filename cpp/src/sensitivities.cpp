@@ -8,7 +8,7 @@ namespace fisherpoint {
 template <class M>
 void sensitivities(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                    const Workers& workers, const SensitiveTrajectories& out) {
-  with_method(tolerance.method, [&]<class Method>(Method) {
+  with_method<M>(tolerance.method, [&]<class Method>() {
     sensitivity_packs<Pack<lanes_for<M>>, Method>(model, points, parameters, tolerance, workers, out);
   });
 }
@@ -19,7 +19,7 @@ template void sensitivities(const FISHERPOINT_MODEL&, const Points&, const Param
 template <class M>
 void run_sensitivities(const M& model, const Runs& runs, const RunStart& start, const Parameters& parameters,
                        const Tolerance& tolerance, const Workers& workers, const SensitiveRuns& out) {
-  with_method(tolerance.method, [&]<class Method>(Method) {
+  with_method<M>(tolerance.method, [&]<class Method>() {
     run_sensitivity_packs<Pack<lanes_for<M>>, Method>(model, runs, start, parameters, tolerance, workers, out);
   });
 }

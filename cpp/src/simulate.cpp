@@ -7,7 +7,7 @@ namespace fisherpoint {
 template <class M>
 void simulate(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
               const Workers& workers, const Trajectories& out) {
-  with_method(tolerance.method, [&]<class Method>(Method) {
+  with_method<M>(tolerance.method, [&]<class Method>() {
     simulate_packs<Pack<lanes_for<M>>, Method>(model, points, parameters, tolerance, workers, out);
   });
 }

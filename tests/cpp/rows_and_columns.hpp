@@ -20,7 +20,7 @@ struct Start {
 // Largest difference of any column of S, as a share of its size, between rows and columns over `steps` steps in `duration`; the
 // lanes differ in their steps, starts and parameters.
 template <class P, class Method, class M>
-double difference_of_rows(const M& model, const Start& start, double duration, int steps) {
+double difference_of_rows(const M& model, const Start& start, double duration, int steps, const Tolerance& tolerance = {}) {
   using Equation = VariationalEquation<M, P>;
   const auto shape = shape_of(model);
   typename Equation::Theta theta;
@@ -44,8 +44,8 @@ double difference_of_rows(const M& model, const Start& start, double duration, i
     lanes_of<P>::set(size, lane, duration / steps * (1.0 - 0.01 * lane));
   }
   const Equation equation(model, theta, u);
-  Tangents<M, P, Method> tangents(equation, x0, 1e-6);
-  Adjoints<M, P, Method> adjoints(equation, x0, 1e-6);
+  Tangents<M, P, Method> tangents(equation, x0, tolerance);
+  Adjoints<M, P, Method> adjoints(equation, x0, tolerance);
   for (int n = 0; n < steps; ++n) {
     tangents.advance(size, side);
     adjoints.advance(size, side);

@@ -36,7 +36,7 @@ TEST_CASE_TEMPLATE("a row ends with the derivatives by the start", Method, FISHE
   using E = VariationalEquation<Oscillator, double>;
   const double w = 1.7, t = 2.0;
   const E equation(Oscillator{}, {w}, {0.0});
-  Adjoints<Oscillator, double, Method> adjoints(equation, {1.0, 0.3}, 1e-6);
+  Adjoints<Oscillator, double, Method> adjoints(equation, {1.0, 0.3}, {});
   for (int n = 0; n < 64; ++n) adjoints.advance(t / 64, {});
   typename Adjoints<Oscillator, double, Method>::Rows rows;
   rows.push_back(adjoints.row());
@@ -76,7 +76,7 @@ TEST_CASE("the estimate of the rows' errors falls with the steps, where x stands
   const VariationalEquation<M, double> equation(M{1.0}, {4.0, -2.0}, {0.0});
   double last = 1e300;
   for (const int steps : {1, 2, 4}) {
-    Adjoint adjoints(equation, {3.0, 0.0}, 1e-6);  // -g - k (s - floor) = 0
+    Adjoint adjoints(equation, {3.0, 0.0}, {});  // -g - k (s - floor) = 0
     for (int n = 0; n < steps; ++n) adjoints.advance(3.0 / steps, {1.0});
     Adjoint::Rows rows;
     rows.push_back(adjoints.row());

@@ -122,7 +122,7 @@ TEST_CASE("rows go back without taking memory, from the second pack on") {
   const Equation equation(HydraulicCylinder{}, theta, {P(0.3)});
   const Shelves shelves;
   const auto there_and_back = [&] {
-    Adjoints<HydraulicCylinder, P, Method> adjoints(equation, start, 1e-6);
+    Adjoints<HydraulicCylinder, P, Method> adjoints(equation, start, {});
     for (int n = 0; n < 40; ++n) adjoints.advance(P(5e-5), {P(1.0), P(-1.0)});
     Adjoints<HydraulicCylinder, P, Method>::Rows rows;
     rows.push_back(adjoints.row());

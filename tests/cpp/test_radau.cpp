@@ -46,7 +46,7 @@ std::array<double, 4> oscillate(int steps) {
   const Plain plain(Oscillator{}, theta, u);
   const Equation equation(Oscillator{}, theta, u);
   const Tolerance tolerance{1e-12};
-  Tangents<Oscillator, double, DormandPrince853> tangents(equation, {1.0, 0.5}, tolerance.relative);
+  Tangents<Oscillator, double, DormandPrince853> tangents(equation, {1.0, 0.5}, tolerance);
   ImplicitTangents<Oscillator, double, DormandPrince853> implicit(plain, equation, tangents, tolerance);
   for (int k = 0; k < steps; ++k) implicit.advance(2.0 / steps, {});
   return {tangents.x[0], tangents.x[1], tangents.s[0], tangents.s[1]};

@@ -28,7 +28,7 @@ static auto replay(const M& model, const std::array<double, n_x>& x0, const std:
     for (std::size_t m = 0; m < start.size(); ++m) stretches[0].side[m] = start[m] < 0 ? -1 : 1;
   }
   const E equation(model, packed, {P(0.0)});
-  const auto replayed = fisherpoint::replay<DormandPrince853>(equation, x, stretches);
+  const auto replayed = fisherpoint::replay<DormandPrince853>(equation, {}, x, stretches);
   return std::pair{x, replayed};
 }
 
@@ -98,7 +98,7 @@ TEST_CASE("a plan reaches the tolerance at every node, with steps that are not m
   const std::array x0 = {1.0, 0.5};
   for (double rtol : {1e-4, 1e-6, 1e-9}) {
     const auto plan = Planner<Oscillator, P, DormandPrince853>({}, x0.data(), &u, pilots)
-                          .plan(steps_of(Oscillator{}, x0, u, dt, std::array{mean}), rtol);
+                          .plan(steps_of(Oscillator{}, x0, u, dt, std::array{mean}), {rtol});
     REQUIRE(plan);
     REQUIRE(plan->stretches.size() == 1);
     const int steps = plan->stretches[0].steps;
@@ -123,7 +123,7 @@ TEST_CASE("a trajectory unlike the pilots is not believed") {
   const std::array x0 = {1.0, 0.5};
   const auto steps = steps_of(Oscillator{}, x0, u, dt, std::array{mean});
   const Pilots pilots(&mean, PriorGrid(axes));
-  const auto plan = Planner<Oscillator, P, DormandPrince853>({}, x0.data(), &u, pilots).plan(steps, 1e-6);
+  const auto plan = Planner<Oscillator, P, DormandPrince853>({}, x0.data(), &u, pilots).plan(steps, {});
   REQUIRE(plan);
   CHECK(!plan->believed(replay(Oscillator{}, x0, std::array{4.0}, dt, plan->stretches[0].steps).second)[0]);
 }
@@ -142,7 +142,7 @@ TEST_CASE("the spool's zero is where it is in closed form, and ends a stretch") 
   const auto x = run<double>(m, x0, u, dt, cylinder_theta).first;
   const Pilots pilots(cylinder_theta.data(), PriorGrid(cylinder_axes(0.1)));
   const Planner<HydraulicCylinder, P, DormandPrince853> planner(m, x0.data(), u.data(), pilots);
-  const auto plan = planner.plan(steps_of(m, x0, u[0], dt, cylinder_theta), 1e-6);
+  const auto plan = planner.plan(steps_of(m, x0, u[0], dt, cylinder_theta), {});
   REQUIRE(plan);
   REQUIRE(plan->stretches.size() == 2);
   CHECK(plan->stretches[0].side == std::array{1.0, -1.0});
@@ -165,5 +165,5 @@ TEST_CASE("a kink whose time depends on theta is not planned for") {
   const auto steps = steps_of(Spring{}, x0, u, dt, mean);
   CHECK(steps.front().side[0][0] == -1.0);
   CHECK(steps.back().side[0][0] == 1.0);
-  CHECK(!Planner<Spring, P, DormandPrince853>({}, x0.data(), &u, pilots).plan(steps, 1e-6));
+  CHECK(!Planner<Spring, P, DormandPrince853>({}, x0.data(), &u, pilots).plan(steps, {}));
 }

@@ -87,7 +87,7 @@ FisherpointOutcome simulate_request(const FisherpointRequest* request, double* x
                                     double* lasted) {
   return outcome_of(*request, [&] {
     const Request r(*request);
-    with_method(r.tolerance.method, [&]<class Method>(Method) {
+    with_method<M>(r.tolerance.method, [&]<class Method>() {
       simulate_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
                                                  {x, y, statuses(status), lasted});
     });
@@ -99,7 +99,7 @@ FisherpointOutcome sensitivities_request(const FisherpointRequest* request, doub
                                          double* dy_dtheta, std::int32_t* status, std::int32_t states_judge) {
   return outcome_of(*request, [&] {
     const Request r(*request);
-    with_method(r.tolerance.method, [&]<class Method>(Method) {
+    with_method<M>(r.tolerance.method, [&]<class Method>() {
       sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.points, r.parameters, r.tolerance, r.workers,
                                                     {x, y, dx_dtheta, dy_dtheta, statuses(status), states_judge != 0});
     });
@@ -111,7 +111,7 @@ FisherpointOutcome simulate_runs_request(const FisherpointRequest* request, std:
                                          double* x, std::int32_t* status, std::int64_t* reached) {
   return outcome_of(*request, [&] {
     const Request r(*request);
-    with_method(r.tolerance.method, [&]<class Method>(Method) {
+    with_method<M>(r.tolerance.method, [&]<class Method>() {
       run_packs<Pack<native_lanes>, Method>(M{}, r.runs(segments, shared), r.parameters, r.tolerance, r.workers,
                                             {x, statuses(status), reached});
     });
@@ -125,7 +125,7 @@ FisherpointOutcome run_sensitivities_request(const FisherpointRequest* request, 
                                              std::int64_t* reached) {
   return outcome_of(*request, [&] {
     const Request r(*request);
-    with_method(r.tolerance.method, [&]<class Method>(Method) {
+    with_method<M>(r.tolerance.method, [&]<class Method>() {
       run_sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.runs(segments, shared), {s, measured}, r.parameters, r.tolerance,
                                                         r.workers, {x, y, dx_dtheta, dy_dtheta, statuses(status), reached});
     });
@@ -138,7 +138,7 @@ FisherpointOutcome predictive_covariance_request(const FisherpointRequest* reque
                                                  std::int64_t* redone, double* lost, double* y) {
   return outcome_of(*request, [&] {
     const Request r(*request);
-    with_method(r.tolerance.method, [&]<class Method>(Method) {
+    with_method<M>(r.tolerance.method, [&]<class Method>() {
       predictive_covariance_packs<Pack<native_lanes>, Method>(M{}, r.points, request->theta, CoreNodes(*nodes), max_lost,
                                                               r.tolerance, r.workers,
                                                               {covariance, statuses(status), redone, lost, y});

@@ -8,8 +8,8 @@
 //
 // The error is estimated by one more row for all. The embedded error of a step, e = h sum e_i f(Y_i), changes y by lambda^T e;
 // how that changes with theta is a gradient too: eta goes back beside the rows, with b_i eta + e_i lambda in place of b_i
-// lambda, for the sum of all rows' lambda. That is of the embedded error's low order; what Method::squared_error makes of it is
-// taken from x in the same step.
+// lambda, for the sum of all rows' lambda. That is of the embedded error's low order; what a method's squared_error makes of it
+// is taken from x in the same step.
 #pragma once
 
 #include <algorithm>
@@ -19,34 +19,15 @@
 #include "fisherpoint/equations/variational_equation.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
 #include "fisherpoint/integration/step_control.hpp"
+#include "fisherpoint/integration/tolerance.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
 
-namespace detail {
-
-// Weights of what comes behind stage s of a step: of the stages after it, of the row at the step's end, and of the embedded
-// error.
-template <class Method, int stages>
-constexpr auto weights_behind() {
-  std::array<std::array<double, stages + 2>, stages> weights{};
-  for (int s = 0; s < stages; ++s) {
-    for (int j = s + 1; j < stages; ++j) weights[s][j] = Method::a[j][s];
-    if (s < Method::stages - 1) weights[s][stages] = Method::a[Method::stages - 1][s];
-    weights[s][stages + 1] = Method::error[s];
-  }
-  return weights;
-}
-
-}  // namespace detail
-
 template <class M, class P, class Method>
 class Adjoints {
   using Equation = VariationalEquation<M, P>;
-  static constexpr int last = Method::stages - 1;
-  static constexpr int stages = last + end_counts<Method>();  // that take part
-  static constexpr auto weights = detail::weights_behind<Method, stages>();
 
  public:
   using State = typename Equation::State;
@@ -64,16 +45,17 @@ class Adjoints {
 
   State x;
 
-  Adjoints(const Equation& equation, const State& x0, double tolerance)
+  Adjoints(const Equation& equation, const State& x0, const Tolerance& tolerance)
       : x(x0),
         f_(equation),
-        least_(0.01 * tolerance * tolerance),
+        method_(method_of<Method>(tolerance)),
+        least_(0.01 * tolerance.relative * tolerance.relative),
         block_(std::max<std::size_t>(1, most_kept / (sizeof(P) * std::max(1, in_step())))),
         kept_(static_cast<int>(block_) * in_step()) {
     fit(constants_, f_.dependence.constant);
     fit(squared_error_of_, f_.parameters);
     fit(squared_size_of_, f_.parameters);
-    for (int j = 0; j < f_.parameters; ++j) squared_size_of_[j] = squared_rounding(f_.theta()[j], tolerance);
+    for (int j = 0; j < f_.parameters; ++j) squared_size_of_[j] = squared_rounding(f_.theta()[j], tolerance.relative);
   }
 
   // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink.
@@ -82,9 +64,9 @@ class Adjoints {
     if (at == 0) starts_.push_back(x);
     steps_.push_back({size, P(1.0), side});
     const Embedded embedded = take(steps_.back(), entries_of(at), x);
-    squared_error_ += judged<Method>(embedded.fine, embedded.coarse, beside);
+    squared_error_ += judged(method_, embedded.fine, embedded.coarse, beside);
     const P fine = embedded.fine + least_;
-    steps_.back().share = sqrt(judged<Method>(fine, embedded.coarse, beside) / fine);
+    steps_.back().share = sqrt(judged(method_, fine, embedded.coarse, beside) / fine);
     note_drive(size, entries_of(at));
   }
 
@@ -130,7 +112,7 @@ class Adjoints {
  private:
   struct Step {
     P size;
-    P share;  // of the embedded error that Method::squared_error takes for the error
+    P share;  // of the embedded error that squared_error takes for the error
     Side side;
   };
   // Squared differences to the embedded solutions, in units of the states' scales.
@@ -139,6 +121,13 @@ class Adjoints {
   };
 
   static P square(const P& a) { return a * a; }
+  template <bool first>
+  static auto of_either(auto one, auto other) {
+    if constexpr (first)
+      return one;
+    else
+      return other;
+  }
 
   // A column of S is at least as large as what its parameter alone drives within a step.
   void note_drive(const P& step, const P* stage) {
@@ -163,7 +152,7 @@ class Adjoints {
 
   // What is kept of the step at this place of a block, one stage after the other: the entries that change.
   P* entries_of(std::size_t at) { return kept_.data() + static_cast<int>(at) * in_step(); }
-  int in_step() const { return stages * f_.dependence.changing; }
+  int in_step() const { return method_.in_error * f_.dependence.changing; }
   const P& entry(const P* stage, int e) const {
     const int at = f_.dependence.kept_at(e);
     return at < 0 ? constants_[~at] : stage[at];
@@ -171,20 +160,19 @@ class Adjoints {
   const P& by_theta(const P* stage, int e) const { return entry(stage, f_.dependence.by_state + e); }
 
   FISHERPOINT_HOT Embedded take(const Step& step, P* entries, State& x) {
-    State rate[Method::stages], ahead;
-    for (State& one : rate) fit(one, f_.states);
+    State rate[Method::most_stages], ahead;
+    for (int s = 0; s < method_.in_error; ++s) fit(rate[s], f_.states);
     fit(ahead, f_.states);
-    for_each_index(counted<Equation, stages>(), [&](auto s) {
-      for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], Method::a[s], rate, i); });
+    for_each_index(method_.in_error, [&](auto s) {
+      for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], method_.a[s], rate, i); });
       linearise(ahead, step, rate[s], entries + s * f_.dependence.changing);
     });
     Embedded embedded;
     for_each_index(f_.states, [&](auto i) {
-      const P change = weighted_sum(counted<Equation, last>(), Method::a[last], rate, i);
+      const P change = method_.end_of(rate, i);
       x[i] += change;
-      embedded.fine += square(f_.inverse_scale(i) * weighted_sum(counted<Equation, stages>(), Method::error, rate, i));
-      embedded.coarse +=
-          square(f_.inverse_scale(i) * (change - weighted_sum(counted<Equation, last>(), Method::coarse, rate, i)));
+      embedded.fine += square(f_.inverse_scale(i) * method_.error_of(rate, i));
+      embedded.coarse += square(f_.inverse_scale(i) * (change - method_.coarse_of(rate, i)));
     });
     return embedded;
   }
@@ -199,20 +187,22 @@ class Adjoints {
 
   template <bool of_error>
   FISHERPOINT_HOT void carry_back(const P& step, const P* entries, const State& sum, State& lambda, Gradient& gradient) const {
-    constexpr int first = of_error ? stages : last, behind = stages + 1 + of_error;
-    State nu[stages + 2], mu;  // behind the stages: lambda, and the sum of all rows' lambda
-    for (State& one : nu) fit(one, f_.states);
+    const auto stages = method_.in_error;
+    const auto first = of_either<of_error>(stages, before(method_.stages));
+    const auto behind = of_either<of_error>(after(after(stages)), after(stages));
+    State nu[Method::most_in_error + 2], mu;  // behind the stages: lambda, and the sum of all rows' lambda
+    for (int r = 0; r < stages + 2; ++r) fit(nu[r], f_.states);
     fit(mu, f_.states);
     const auto sensitive = f_.dependence.sensitive();
     for_each_variable(sensitive, [&](auto i) {
-      if constexpr (first < stages) nu[first][i] = P(0.0);
+      if (first < stages) nu[first][i] = P(0.0);
       nu[stages][i] = lambda[i];
       if constexpr (of_error) nu[stages + 1][i] = sum[i];
     });
-    for_each_index_down(counted<Equation, first>(), [&](auto s) {
+    for_each_index_down(first, [&](auto s) {
       const P* const stage = entries + s * f_.dependence.changing;
       for_each_variable(sensitive, [&](auto i) {
-        mu[i] = step * weighted_sum(after(s), counted<Equation, behind>(), P(0.0), weights[s], nu, i);
+        mu[i] = step * weighted_sum(after(s), behind, P(0.0), method_.behind[s], nu, i);
         nu[s][i] = P(0.0);
       });
       for_each_variable(sensitive, [&](auto i) {
@@ -232,6 +222,7 @@ class Adjoints {
   }
 
   const Equation& f_;
+  const Method& method_;
   double least_;  // what is added to squared embedded errors of x: if they are far below the tolerance they are rounding
   P squared_error_{0.0};                         // estimated, of x, summed over the steps, in units of the states' scales
   Gradient squared_error_of_, squared_size_of_;  // of the rows' sum by each parameter, in units of the rows' scales

@@ -5,10 +5,16 @@
 
 #include <array>
 
+#include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/numbers/pack.hpp"
+#include "fisherpoint/numbers/unroll.hpp"
+
 namespace fisherpoint {
 
-struct DormandPrince {
-  static constexpr int order = 5, stages = 7;
+struct DormandPrince : StageSums<DormandPrince> {
+  static constexpr int order = 5;
+  static constexpr Count<7> stages{}, in_error{};
+  static constexpr int most_stages = stages, most_in_error = in_error;
   static constexpr double most_growth = 5.0;       // of a step's size
   static constexpr double allowed_estimate = 1.0;  // of columns of sensitivities, in tolerances
   static constexpr double allowed_of_rows = 1.0;
@@ -29,10 +35,15 @@ struct DormandPrince {
   static constexpr std::array<double, 7> error = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
                                                   -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
   static constexpr std::array<double, 6> coarse = {0.5, 0, 0, 0, 0, 0.5};  // the trapezoidal rule
+  static constexpr auto behind = weights_behind(a, error, in_error);
   // What step control takes for the squared error: it falls with the tenth power of the step.
   template <class P>
   static P squared_error(const P& embedded, const P&) {
     return embedded;
+  }
+  template <class P>
+  static P inverse_root(const P& squared_error) {
+    return rough_inverse_root(squared_error, Count<2 * order>{});
   }
   // x(t + step/2) = (x0 + x1)/2 + step (k1 - k7)/8 + step sum(bow k): the cubic through both ends, and what a quartic adds.
   static constexpr std::array<double, 7> bow = {-12715105075.0 / 11282082432 / 16,  0,
@@ -65,7 +76,7 @@ consteval bool consistent(const DormandPrince& m) {
     if (!near(moment(q), 1.0 / q)) return false;
   double difference = 0, bow = 0;
   for (int i = 0; i < m.stages; ++i) difference += m.error[i], bow += m.bow[i];
-  return near(difference, 0) && near(bow, 0);
+  return near(difference, 0) && near(bow, 0) && m.c[5] == 1.0;
 }
 
 }  // namespace detail

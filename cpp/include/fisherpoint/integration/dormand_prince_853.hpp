@@ -5,10 +5,17 @@
 
 #include <array>
 
+#include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/numbers/pack.hpp"
+#include "fisherpoint/numbers/unroll.hpp"
+
 namespace fisherpoint {
 
-struct DormandPrince853 {
-  static constexpr int order = 8, stages = 13;
+struct DormandPrince853 : StageSums<DormandPrince853> {
+  static constexpr int order = 8;
+  static constexpr Count<13> stages{};
+  static constexpr Count<12> in_error{};
+  static constexpr int most_stages = stages, most_in_error = in_error;
   static constexpr double most_growth = 6.0;       // of a step's size
   static constexpr double allowed_estimate = 5.0;  // of columns of sensitivities, in tolerances
   static constexpr double allowed_of_rows = 2.0;
@@ -64,10 +71,15 @@ struct DormandPrince853 {
                                                    0};
   static constexpr std::array<double, 12> coarse = {0.2440944881889764,  0, 0, 0, 0, 0, 0, 0, 0.7338466882816118, 0, 0,
                                                     0.022058823529411766};
+  static constexpr auto behind = weights_behind(a, error, in_error);
   // What step control takes for the squared error: it falls with the eighth power of the step.
   template <class P>
   static P squared_error(const P& embedded, const P& by_coarse) {
     return embedded * embedded / (embedded + 0.01 * by_coarse + 1e-300);
+  }
+  template <class P>
+  static P inverse_root(const P& squared_error) {
+    return rough_inverse_root(squared_error, Count<2 * order>{});
   }
   // x(t + step/2) = (x0 + x1)/2 + step (k1 - k13)/8 + step sum(bow k), of order six: the solution of the order conditions at
   // the middle of the step with the smallest weights.
@@ -115,7 +127,7 @@ consteval bool consistent(const DormandPrince853& m) {
   double half = 0.5;
   for (int q = 1; q <= 6; ++q, half *= 0.5)
     if (!near(moment(m.bow, q) + 0.5 / q + (q == 1 ? 0.125 : 0.0) - 0.125, half / q)) return false;
-  return true;
+  return m.c[11] == 1.0;
 }
 
 }  // namespace detail

@@ -43,7 +43,6 @@ class Integrator {
   using State = typename Equation::State;
   using Side = typename Equation::Side;
   using Surfaces = typename Equation::Surfaces;
-  static constexpr int last = Method::stages - 1;  // the stage at the step's end
   static constexpr double infinity = std::numeric_limits<double>::infinity();
 
   // That states were set anew before this step, by which resets, and on which jump (resets.hpp).
@@ -59,8 +58,12 @@ class Integrator {
 
  public:
   Integrator(const Equation& equation, const Tolerance& tolerance)
-      : f_(equation), tolerance_(tolerance), weight_(tolerance.step_weight()), landing_(0.1 * std::sqrt(tolerance.relative)) {
-    for (State& rates : stage_) fit(rates, f_.states);
+      : f_(equation),
+        method_(method_of<Method>(tolerance)),
+        tolerance_(tolerance),
+        weight_(tolerance.step_weight()),
+        landing_(0.1 * std::sqrt(tolerance.relative)) {
+    for (int s = 0; s < method_.stages; ++s) fit(stage_[s], f_.states);
     fit(end_, f_.states);
     fit(side_, f_.sides);
     fit(landed_, f_.sides);
@@ -96,6 +99,7 @@ class Integrator {
   void leave_roots(const State& y, const P& duration);
 
   P squared_weight() const { return P(weight_); }
+  auto last() const { return before(method_.stages); }  // the stage at the step's end
 
   // Whether jump m may be crossed. Where its time does not depend on theta, sensitivities stay what they are.
   bool crosses(auto m) const {
@@ -112,12 +116,6 @@ class Integrator {
   }
   [[gnu::noinline]] void slide(const State& x, const Side& side, State& dx) const;
 
-  // Of a squared error, the factor by which a step may be longer: both methods' estimates fall faster than the step's
-  // power of five and eight.
-  static P inverse_root(const P& squared_error) {
-    return rough_inverse_root(squared_error, std::integral_constant<int, 2 * Method::order>{});
-  }
-
   // Tries one step of every running lane: the end, its error, and the surfaces at the middle and the end.
   FISHERPOINT_HOT void attempt(const State& y, const P& duration) {
     const P remaining = duration - time_, wanted = min(step_size_, cap_);
@@ -129,7 +127,7 @@ class Integrator {
     if (any_stiff_ && any(implicit_)) attempt_implicit(y, middle);
     Surfaces middle_value = f_.surface_values(middle, side_);
     end_value_ = f_.surface_values(end_, side_);
-    end_rate_ = f_.surface_rates(end_, stage_[last], side_);
+    end_rate_ = f_.surface_rates(end_, stage_[last()], side_);
     if (f_.measured > 0) judge_measured(y);
     if ((f_.holds_end > 0 && slide_) || any_rest()) keep_on_surfaces(middle, middle_value);
     const auto along = [&](int m, const P& side) {
@@ -174,22 +172,19 @@ class Integrator {
   void attempt_explicit(const State& y, State& middle) {
     const bool slide = f_.holds_end > 0 && slide_;
     const Side at = slide ? beside<P>(f_, side_, 1.0) : side_;
-    for_each_index(counted<Equation, last>(), [&](auto previous) {
+    for_each_index(last(), [&](auto previous) {
       const auto s = after(previous);
-      for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
+      for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, method_.a[s], stage_, i); });
       f_.derivative(end_, at, stage_[s]);
       if (f_.holds_end > 0 && unforeseen(slide)) this->slide(end_, side_, stage_[s]);
     });
     State error;
     fit(error, f_.states);
-    for_each_index(f_.states,
-                   [&](auto i) { error[i] = step_ * weighted_sum(counted<Equation, last + 1>(), Method::error, stage_, i); });
+    for_each_index(f_.states, [&](auto i) { error[i] = step_ * method_.error_of(stage_, i); });
     const P embedded = squared_weight() * f_.squared_size(error);
-    for_each_index(f_.states, [&](auto i) {
-      error[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last>(), Method::coarse, stage_, i);
-    });
+    for_each_index(f_.states, [&](auto i) { error[i] = end_[i] - y[i] - step_ * method_.coarse_of(stage_, i); });
     const P coarse = f_.squared_size(error);
-    squared_error_ = Method::squared_error(embedded, squared_weight() * coarse);
+    squared_error_ = method_.squared_error(embedded, squared_weight() * coarse);
     const P size = f_.squared_size(y) + f_.squared_size(end_) + 1e-300;
     const P least = (least_error * least_error) * squared_weight() * coarse * coarse / size;
     squared_error_ = select(least > squared_error_, least, squared_error_);  // which stays NaN where it is
@@ -197,8 +192,7 @@ class Integrator {
     // Behind a kink f may rise like t^1.5, where the embedded error is that of the step itself, however large the coarse one.
     if (f_.kinks_end > 0) squared_error_ = select(behind_kink_ & (embedded > squared_error_), embedded, squared_error_);
     for_each_index(f_.states, [&](auto i) {
-      middle[i] = 0.5 * (y[i] + end_[i]) + step_ * (0.125 * (stage_[0][i] - stage_[last][i]) +
-                                                    weighted_sum(counted<Equation, last + 1>(), Method::bow, stage_, i));
+      middle[i] = 0.5 * (y[i] + end_[i]) + step_ * (0.125 * (stage_[0][i] - stage_[last()][i]) + method_.bow_of(stage_, i));
     });
   }
 
@@ -323,6 +317,7 @@ class Integrator {
   }
 
   const Equation& f_;
+  const Method& method_;
   Tolerance tolerance_;
   double weight_;
   double landing_;  // how near to a kink a step must end to be moved onto it, as a share of the step
@@ -368,7 +363,7 @@ class Integrator {
   P step_, squared_error_;  // by which it is judged
   P told_error_;            // what it tells about the next one
   Mask behind_kink_;        // it begins where f is not smooth
-  State stage_[Method::stages], end_;
+  State stage_[Method::most_stages], end_;
   Surfaces end_value_, end_rate_;
   // Of every surface along the step, positive on its own side; and where the step ends next to a kink.
   Retyped<Surfaces, Quartic<P>> along_;

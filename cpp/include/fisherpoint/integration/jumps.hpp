@@ -173,7 +173,7 @@ void Integrator<Equation, Method>::hold(const State& middle, Surfaces& middle_va
   const Mask several = several_ ? several_slides<P>(f_, side_) & running_ : Lanes::none();
   if (any(several)) hold_several(several, middle, middle_value);
   const BothSides<Equation> at(f_, end_, side_), half(f_, middle, side_);
-  const P rate = hold_rate(end_, stage_[last], step_, side_);
+  const P rate = hold_rate(end_, stage_[last()], step_, side_);
   for_each_index(Count<0>{}, f_.holds_end, [&](auto m) {
     const Mask on = slides(side_[m]) & !several;
     const P back = select(on & at.holds(), end_value_[m] / (at.r_plus - at.r_minus), P(0.0));

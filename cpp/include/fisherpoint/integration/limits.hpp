@@ -13,9 +13,9 @@ auto Integrator<Equation, Method>::past_pole(const State& y) const -> Mask {
   Mask past = Lanes::none();
   State at;
   fit(at, f_.states);
-  for_each_index(counted<Equation, last>(), [&](auto previous) {
+  for_each_index(last(), [&](auto previous) {
     const auto s = after(previous);
-    for_each_index(f_.states, [&](auto i) { at[i] = y[i] + step_ * weighted_sum(s, Method::a[s], stage_, i); });
+    for_each_index(f_.states, [&](auto i) { at[i] = y[i] + step_ * weighted_sum(s, method_.a[s], stage_, i); });
     const Surfaces value = f_.surface_values(at, side_);
     for_each_index(f_.kinks_end, f_.sides, [&](auto m) { past = past | (!implicit_ & !(side_[m] * value[m] > P(0.0))); });
   });
@@ -86,8 +86,8 @@ void Integrator<Equation, Method>::judge_measured(const State& y) {
   fit(coarse, f_.states);
   fit(size, f_.states);
   for_each_index(f_.states, [&](auto i) {
-    error[i] = step_ * weighted_sum(counted<Equation, last + 1>(), Method::error, stage_, i);
-    coarse[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last>(), Method::coarse, stage_, i);
+    error[i] = step_ * method_.error_of(stage_, i);
+    coarse[i] = end_[i] - y[i] - step_ * method_.coarse_of(stage_, i);
     size[i] = P(0.0);
   });
   const Surfaces of_error = f_.surface_rates(end_, error, side_), of_coarse = f_.surface_rates(end_, coarse, side_);
@@ -106,7 +106,7 @@ void Integrator<Equation, Method>::judge_measured(const State& y) {
     const P least = (1e-15 / (measured_share * tolerance_.relative)) * rounded[m];
     const P value = max(max(abs(value_[m]), abs(end_value_[m])), max(least, P(1e-290)));
     const P weight = share / (value * value);
-    const P judged = Method::squared_error(weight * of_error[m] * of_error[m], weight * of_coarse[m] * of_coarse[m]);
+    const P judged = method_.squared_error(weight * of_error[m] * of_error[m], weight * of_coarse[m] * of_coarse[m]);
     const Mask counts = !implicit_ & (judged > squared_error_);
     squared_error_ = select(counts, judged, squared_error_);
     told_error_ = select(counts, judged, told_error_);

@@ -57,18 +57,19 @@ class Planner {
 
   // `nominal`: the steps of the nominal trajectory, in lane 0. None where too many pilots are no trajectories, or no number of
   // steps is enough: then every node is for the adaptive loop.
-  std::optional<Plan<M>> plan(const Steps<Equation>& nominal, double rtol) const {
+  std::optional<Plan<M>> plan(const Steps<Equation>& nominal, const Tolerance& tolerance) const {
+    const double rtol = tolerance.relative;
     std::vector<Stretch<M>> stretches = between_kinks(nominal);
     if (stretches.empty()) return std::nullopt;
 
     // As many steps as the nominal trajectory took, then twice as many, until that changes nothing any more.
-    Ends end = ends(stretches), finer = end;
+    Ends end = ends(stretches, tolerance), finer = end;
     double error = std::numeric_limits<double>::infinity(), last_error = error;
     while (true) {
       if (total_steps(stretches) > most_steps) return std::nullopt;
       std::vector<Stretch<M>> doubled = stretches;
       for (auto& stretch : doubled) stretch.steps *= 2;
-      finer = ends(doubled);
+      finer = ends(doubled, tolerance);
       last_error = error;
       error = difference(end, finer);
       if (error <= rtol) break;
@@ -89,7 +90,7 @@ class Planner {
         if (same_steps(tried, last)) continue;
         last = tried;
         if (total_steps(tried) >= total_steps(stretches)) break;
-        const Ends reached = ends(tried);
+        const Ends reached = ends(tried, tolerance);
         if (difference(reached, finer) > rtol) continue;
         stretches = tried;
         end = reached;
@@ -100,7 +101,7 @@ class Planner {
     for (std::size_t k = 0; pilots_.nodes > many_nodes && k < stretches.size(); ++k) {
       std::vector<Stretch<M>> fewer = stretches;
       if (--fewer[k].steps == 0) continue;
-      const Ends reached = ends(fewer);
+      const Ends reached = ends(fewer, tolerance);
       if (difference(reached, finer) > rtol) continue;
       stretches = fewer;
       end = reached;
@@ -115,7 +116,7 @@ class Planner {
     const StateEquation<M, double> equation(model_, of_row(pilots_[0], shape_.parameters), of_lane(u_, shape_.inputs));
     plan.nominal_y = equation.output(end.x[0]);
     auto x = of_lane(x0_, shape_.states);
-    replay<Method>(equation, x, plan.stretches, Recorded{plan.shared});
+    replay<Method>(equation, tolerance, x, plan.stretches, Recorded{plan.shared});
     return plan;
   }
 
@@ -159,7 +160,7 @@ class Planner {
     return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& s, const auto& t) { return s.steps == t.steps; });
   }
 
-  Ends ends(const std::vector<Stretch<M>>& stretches) const {
+  Ends ends(const std::vector<Stretch<M>>& stretches, const Tolerance& tolerance) const {
     Ends result;
     typename Equation::Theta theta;
     fit(theta, shape_.parameters);
@@ -167,7 +168,7 @@ class Planner {
       for (int lane = 0; lane < width; ++lane) set_lane(theta, lane, pilots_[std::min(first + lane, pilots_.count - 1)]);
       const Equation equation(model_, theta, u_);
       auto x = x0_;
-      const auto replayed = replay<Method>(equation, x, stretches);
+      const auto replayed = replay<Method>(equation, tolerance, x, stretches);
       for (int lane = 0; lane < width && first + lane < pilots_.count; ++lane) {
         result.x.push_back(of_lane(x, shape_.states, lane));
         result.clear.push_back(lanes_of<P>::get(replayed.clear(), lane));

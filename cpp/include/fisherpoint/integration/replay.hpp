@@ -11,6 +11,7 @@
 
 #include "fisherpoint/equations/state_equation.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
+#include "fisherpoint/integration/tolerance.hpp"
 #include "fisherpoint/models/dependence.hpp"
 #include "fisherpoint/numbers/pack.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
@@ -59,58 +60,59 @@ class Replay {
   using State = typename Equation::State;
   using Side = typename Equation::Side;
   using Surfaces = typename Equation::Surfaces;
-  static constexpr int last = Method::stages - 1;
   // Bernstein coefficients inside a step must exceed this share of the surface's variation over it.
   static constexpr double margin = 0.03;
 
  public:
   using Packs = std::array<State, K>;
 
-  explicit Replay(const std::array<const Equation*, K>& equations) : f_(equations) {}
+  Replay(const std::array<const Equation*, K>& equations, const Tolerance& tolerance)
+      : f_(equations), method_(method_of<Method>(tolerance)) {}
 
   template <class Source = Computed>
   FISHERPOINT_HOT std::array<Replayed<P>, K> run(Packs& x, const std::vector<Stretch<M>>& stretches, Source shared = {}) {
-    static_assert(Method::c[last - 1] == 1.0, "the slope at a step's end is that of the stage there");
     const Equation& f = *f_[0];  // for what all have in common
     std::array<Replayed<P>, K> outcome;
     outcome.fill({P(1.0), P(0.0)});
-    State stage[K][Method::stages], error;
+    State stage[K][Method::most_stages], error;
     Packs ahead;
     std::array<Surfaces, K> value, rate;
     for (auto& of_pack : stage)
-      for (State& rates : of_pack) fit(rates, f.states);
+      for (int s = 0; s < method_.in_error; ++s) fit(of_pack[s], f.states);
     for (State& state : ahead) fit(state, f.states);
     fit(error, f.states);
     Side side;
     fit(side, f.sides);
+    const auto last = before(method_.stages);
+    const auto at_end = before(last);  // a stage there, whose slope is that of the step's end
     for_each_index<K>([&](auto q) { value[q] = f_[q]->surface_values(x[q]); });
     for (const Stretch<M>& stretch : stretches) {
       for_each_index(f.sides, [&](auto m) { side[m] = P(stretch.side[m]); });
       if (f.sided_limits) for_each_index<K>([&](auto q) { value[q] = f_[q]->surface_values(x[q], side); });
       const double step = stretch.duration / stretch.steps;
-      std::array<std::array<double, last>, Method::stages> weights{};  // times the step
+      std::array<std::array<double, Method::most_stages - 1>, Method::most_stages> weights{};  // times the step
       for (int s = 0; s <= last; ++s)
-        for (int r = 0; r < s; ++r) weights[s][r] = step * Method::a[s][r];
+        for (int r = 0; r < s; ++r) weights[s][r] = step * method_.a[s][r];
       for (int k = 0; k < stretch.steps; ++k) {
         for_each_index<K>([&](auto q) {
           f_[q]->derivative(x[q], side, stage[q][0]);
           rate[q] = f_[q]->surface_rates(x[q], stage[q][0], side);
         });
-        for_each_index(counted<Equation, last - 1>(), [&](auto before) {
-          const auto s = after(before);
+        for_each_index(at_end, [&](auto previous) {
+          const auto s = after(previous);
           move(s, weights[s], x, stage, ahead, shared);
           for_each_index<K>([&](auto q) { f_[q]->derivative(ahead[q], side, stage[q][s]); });
         });
-        move(counted<Equation, last>(), weights[last], x, stage, x, shared);
+        move(last, weights[last], x, stage, x, shared);
         for_each_index<K>([&](auto q) {
           const Surfaces end = f_[q]->surface_values(x[q], side);
-          check(outcome[q].clearance, side, step, value[q], rate[q], end, f_[q]->surface_rates(x[q], stage[q][last - 1], side));
+          check(outcome[q].clearance, side, step, value[q], rate[q], end, f_[q]->surface_rates(x[q], stage[q][at_end], side));
           value[q] = end;
-          if constexpr (end_counts<Method>()) f_[q]->derivative(x[q], side, stage[q][last]);
+          if (method_.in_error > last) f_[q]->derivative(x[q], side, stage[q][last]);
           for_each_index(f.states, [&](auto i) {
             error[i] = P(0.0);
             if (f.dependence.state_depends(i) || !std::is_same_v<Source, Remembered>)
-              error[i] = step * weighted_sum(counted<Equation, last + end_counts<Method>()>(), Method::error, stage[q], i);
+              error[i] = step * method_.error_of(stage[q], i);
           });
           outcome[q].squared_error += f_[q]->squared_size(error);
         });
@@ -127,7 +129,7 @@ class Replay {
       const auto moved = [&](auto q) {
         P sum = from[q][i];
         for_each_index(n, [&](auto r) {
-          if (Method::a[n][r] != 0) sum += weights[r] * stage[q][r][i];
+          if (method_.a[n][r] != 0) sum += weights[r] * stage[q][r][i];
         });
         return sum;
       };
@@ -178,14 +180,15 @@ class Replay {
   }
 
   std::array<const Equation*, K> f_;
+  const Method& method_;
 };
 
 // One pack.
 template <class Method, class M, class P, class Source = Computed>
-Replayed<P> replay(const StateEquation<M, P>& equation, typename StateEquation<M, P>::State& x,
+Replayed<P> replay(const StateEquation<M, P>& equation, const Tolerance& tolerance, typename StateEquation<M, P>::State& x,
                    const std::vector<Stretch<M>>& stretches, Source shared = {}) {
   std::array<typename StateEquation<M, P>::State, 1> packs{x};
-  const auto replayed = Replay<M, P, Method>({&equation}).run(packs, stretches, shared);
+  const auto replayed = Replay<M, P, Method>({&equation}, tolerance).run(packs, stretches, shared);
   x = packs[0];
   return replayed[0];
 }

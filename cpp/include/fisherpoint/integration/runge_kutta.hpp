@@ -25,12 +25,6 @@
 
 namespace fisherpoint {
 
-// n as a Count or as an int, as the equation has its loops over stages.
-template <class Equation, int n>
-constexpr typename Equation::template Stages<n> counted() {
-  return typename Equation::template Stages<n>(Count<n>{});
-}
-
 // start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed. Where n is no Count
 // the sum is a loop, over one vector of a pack at a time, so that it stays in its register.
 template <class N, class First, std::size_t size, class State, class P>
@@ -74,10 +68,36 @@ void add_weighted(N n, const std::array<double, size>& weights, const State* sta
   for_each_variable(variables, [&](auto i) { sums[i] = weighted_sum(n, sums[i], weights, stage, i); });
 }
 
-// Whether the derivative at the step's end takes part in an error.
-template <class Method>
-constexpr bool end_counts() {
-  return Method::error[Method::stages - 1] != 0;
+// What the constants of method M make of entry i of a step's stages: sums whose terms the compiler knows, unrolled or not.
+template <class M, bool unrolled = true>
+struct StageSums {
+  template <int n>
+  using N = std::conditional_t<unrolled, Count<n>, int>;
+  template <int n>
+  static constexpr N<n> counted = Count<n>{};
+
+  static auto end_of(const auto* stage, int i) { return weighted_sum(counted<M::stages - 1>, M::a[M::stages - 1], stage, i); }
+  // What the stage before the last one, also at the step's end, adds to the start.
+  static auto nearest_of(const auto* stage, int i) {
+    return weighted_sum(counted<M::stages - 2>, M::a[M::stages - 2], stage, i);
+  }
+  static auto error_of(const auto* stage, int i) { return weighted_sum(counted<M::in_error>, M::error, stage, i); }
+  static auto coarse_of(const auto* stage, int i) { return weighted_sum(counted<M::stages - 1>, M::coarse, stage, i); }
+  static auto bow_of(const auto* stage, int i) { return weighted_sum(counted<M::stages>, M::bow, stage, i); }
+};
+
+// Weights of what comes behind stage s of a step: of the stages after it, of the row at the step's end, and of the embedded
+// error.
+template <std::size_t most, std::size_t stages, int in_error>
+constexpr auto weights_behind(const std::array<std::array<double, most>, stages>& a, const std::array<double, stages>& error,
+                              Count<in_error>) {
+  std::array<std::array<double, in_error + 2>, in_error> weights{};
+  for (std::size_t s = 0; s < in_error; ++s) {
+    for (std::size_t j = s + 1; j < in_error; ++j) weights[s][j] = a[j][s];
+    if (s < stages - 1) weights[s][in_error] = a[stages - 1][s];
+    weights[s][in_error + 1] = error[s];
+  }
+  return weights;
 }
 
 }  // namespace fisherpoint

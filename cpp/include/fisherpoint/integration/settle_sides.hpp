@@ -219,7 +219,7 @@ auto Integrator<Equation, Method>::on_several(const Retyped<Side, Mask>& met) co
 template <class Equation, class Method>
 void Integrator<Equation, Method>::hold_several(const Mask& lanes, const State& middle, Surfaces& middle_value) {
   const SeveralSlides<Equation> at(f_, end_, side_, lanes), half(f_, middle, side_, lanes);
-  const ShelfVector<P> rate = hold_rates(lanes, end_, stage_[last], step_, side_);
+  const ShelfVector<P> rate = hold_rates(lanes, end_, stage_[last()], step_, side_);
   at.take_back(end_value_, lanes, side_, end_);
   for (int j = 0; j < at.count(); ++j) {
     const int m = at.jumps[j];

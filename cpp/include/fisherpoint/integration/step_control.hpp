@@ -30,8 +30,8 @@ P squared_rounding(const P& theta, double tolerance) {
 // What is taken for a step's squared error. Beside a kink f may rise like t^1.5, and f_x like a root: the error there is the
 // embedded one times a number of the method, however large the coarse one.
 template <class Method, class P>
-P judged(const P& embedded, const P& coarse, const mask_of_lanes<P>& beside) {
-  const P judged = Method::squared_error(embedded, coarse), rough = Method::beside_kink * Method::beside_kink * embedded;
+P judged(const Method& method, const P& embedded, const P& coarse, const mask_of_lanes<P>& beside) {
+  const P judged = method.squared_error(embedded, coarse), rough = method.beside_kink * method.beside_kink * embedded;
   return select(beside & (rough > judged), rough, judged);
 }
 

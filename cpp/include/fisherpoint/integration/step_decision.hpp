@@ -141,12 +141,12 @@ void Integrator<Equation, Method>::control(State& y, const P& duration) {
 
   // Step control: error per step, never twice up and down in a row. An estimate that vanishes by chance asks for a step that
   // the one before did not. What asks for more than may be given says nothing, nor does a step that was cut short.
-  P wish = min(0.9 * inverse_root(select(good, told_error_, squared_error_) + 1e-20), most_wished * wished_ / step_);
+  P wish = min(0.9 * method_.inverse_root(select(good, told_error_, squared_error_) + 1e-20), most_wished * wished_ / step_);
   if (any_stiff_) wish = select(implicit_, implicit_wish(), wish);
-  const Mask told = running_ & (squared_error_ < P(infinity)), much = wish >= P(Method::most_growth), cut = step_ < step_size_;
+  const Mask told = running_ & (squared_error_ < P(infinity)), much = wish >= P(method_.most_growth), cut = step_ < step_size_;
   const P wished = select(cut, max(wished_, select(much, zero, wish * step_)), select(much, P(infinity), wish * step_));
   wished_ = select(told, wished, wished_);
-  const P longest = select(rejected_, P(1.0), P(Method::most_growth));
+  const P longest = select(rejected_, P(1.0), P(method_.most_growth));
   const P factor = min(max(select(squared_error_ < P(1e100), wish, zero), P(0.2)), longest);
   const P grown = factor * step_;
   step_size_ = select(bad, min(grown, 0.9 * step_),
@@ -167,7 +167,7 @@ void Integrator<Equation, Method>::control(State& y, const P& duration) {
   time_ = select(taken, time_ + step_, time_);
   for_each_index(f_.states, [&](auto i) {
     y[i] = select(taken, end_[i], y[i]);
-    stage_[0][i] = select(taken, stage_[last][i], stage_[0][i]);
+    stage_[0][i] = select(taken, stage_[last()][i], stage_[0][i]);
   });
   for_each_index(f_.surfaces, [&](auto m) {
     value_[m] = select(taken, end_value_[m], value_[m]);

@@ -34,7 +34,7 @@ void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middl
   for_each_index(f_.states, [&](auto i) {
     end_[i] = select(implicit_, y[i] + step.change(i, 1.0), end_[i]);
     middle[i] = select(implicit_, y[i] + step.change(i, 0.5), middle[i]);
-    stage_[last][i] = select(implicit_, step.slope(i, 1.0), stage_[last][i]);
+    stage_[last()][i] = select(implicit_, step.slope(i, 1.0), stage_[last()][i]);
     start[i] = step.slope(i, 0.0);
   });
   const Mask ends = implicit_ & !fails & (error <= P(1.0));
@@ -61,15 +61,16 @@ void Integrator<Equation, Method>::watch_stiffness(const Mask& taken, const Stat
   State apart, rates_apart;
   fit(apart, f_.states);
   fit(rates_apart, f_.states);
+  const auto nearest = before(last());
   for_each_index(f_.states, [&](auto i) {
-    apart[i] = end_[i] - y[i] - step_ * weighted_sum(counted<Equation, last - 1>(), Method::a[last - 1], stage_, i);
-    rates_apart[i] = step_ * (stage_[last][i] - stage_[last - 1][i]);
+    apart[i] = end_[i] - y[i] - step_ * method_.nearest_of(stage_, i);
+    rates_apart[i] = step_ * (stage_[last()][i] - stage_[nearest][i]);
   });
-  constexpr double bound = Method::stability * Method::stability;
+  const double bound = method_.stability * method_.stability;
   const P squared_rate = f_.squared_size(rates_apart) / f_.squared_size(apart);  // of the fastest, times the step
   Mask limited = squared_rate > P(bound);
   if (outcome_.attempts > slowness_watched_from) {
-    for_each_index(f_.states, [&](auto i) { apart[i] = stage_[last][i] - stage_[0][i]; });
+    for_each_index(f_.states, [&](auto i) { apart[i] = stage_[last()][i] - stage_[0][i]; });
     const P most = (slow * slow) * squared_rate * f_.squared_size(stage_[0]);
     limited = limited | ((squared_rate > P(0.25)) & (f_.squared_size(apart) < most));
   }

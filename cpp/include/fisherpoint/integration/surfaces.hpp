@@ -21,7 +21,7 @@ void Integrator<Equation, Method>::settle(const Mask& taken) {
       if (any(landed_[m] & taken)) known = known & !(abs(end_value_[m]) <= hold_height * natural_height(f_, m, end_));
     }
     const P rest = select(landed_[m] & taken & known, newton, P(0.0));
-    for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last][i]; });
+    for_each_index(f_.states, [&](auto i) { end_[i] += rest * stage_[last()][i]; });
     step_ += rest;
     if (any(several_landed_)) {  // which has brought it nearer to the others too
       for_each_index(Count<0>{}, f_.kinks_end, [&](auto other) {
@@ -45,8 +45,8 @@ void Integrator<Equation, Method>::look_beside(const Mask& lanes, const State& y
     const double of_start = (1.0 + 2.0 * t) * r * r - 0.5 * bow, of_end = (3.0 - 2.0 * t) * t * t - 0.5 * bow;
     const double of_first = t * r * r - 0.125 * bow, of_last = 0.125 * bow - t * t * r;
     for_each_index(f_.states, [&](auto i) {
-      at[i] =
-          of_start * y[i] + of_end * end_[i] + step_ * (of_first * stage_[0][i] + of_last * stage_[last][i]) + bow * middle[i];
+      at[i] = of_start * y[i] + of_end * end_[i] + step_ * (of_first * stage_[0][i] + of_last * stage_[last()][i]) +
+              bow * middle[i];
     });
     const Surfaces value = f_.surface_values(at, side_);
     const auto see = [&](int m, const P& side) { beside_[m] = max(beside_[m], abs(side * value[m] - along_[m].at(t))); };

@@ -11,6 +11,7 @@
 #include "fisherpoint/integration/sliding_tangents.hpp"
 #include "fisherpoint/integration/sliding_tangents_several.hpp"
 #include "fisherpoint/integration/step_control.hpp"
+#include "fisherpoint/integration/tolerance.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
@@ -29,23 +30,22 @@ class Tangents {
   using State = typename Equation::State;
   using Side = typename Equation::Side;
   using Mask = mask_of_lanes<P>;
-  static constexpr int last = Method::stages - 1;
-  static constexpr int stages = last + end_counts<Method>();  // that take part in S
 
  public:
   State x;
   Columns<M, P> s;
 
-  Tangents(const Equation& equation, const State& x0, double tolerance) : x(x0), f_(equation), tolerance_(tolerance) {
+  Tangents(const Equation& equation, const State& x0, const Tolerance& tolerance)
+      : x(x0), f_(equation), method_(method_of<Method>(tolerance)), tolerance_(tolerance.relative) {
     fit(s, f_.dependence.in_columns);
     fit(squared_column_error_, f_.parameters);
     fit(squared_column_size_, f_.parameters);
     fit(coarse_fourth_, f_.parameters);
-    for (Jacobian<M, P>& jacobian : jacobian_) jacobian.fit_to(f_.dependence);
+    for (int s = 0; s < stages(); ++s) jacobian_[s].fit_to(f_.dependence);
     s.fill(P(0.0));
     squared_column_error_.fill(P(0.0));
     coarse_fourth_.fill(P(0.0));
-    for (int j = 0; j < f_.parameters; ++j) squared_column_size_[j] = squared_rounding(f_.theta()[j], tolerance);
+    for (int j = 0; j < f_.parameters; ++j) squared_column_size_[j] = squared_rounding(f_.theta()[j], tolerance_);
   }
 
   // Has S start at these numbers (n_x, p) in a lane, in the place of zero. What no parameter can reach stays zero.
@@ -78,10 +78,10 @@ class Tangents {
   FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none()) {
     beside_ = beside;
     see_slides(side);
-    State rate[Method::stages], ahead;
+    State rate[Method::most_stages], ahead;
     fit_all(rate, ahead);
-    for_each_index(counted<Equation, stages>(), [&](auto s) {
-      for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], Method::a[s], rate, i); });
+    for_each_index(stages(), [&](auto s) {
+      for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], method_.a[s], rate, i); });
       linearise(ahead, side, step, rate[s], s);
     });
     Estimate estimate;
@@ -196,13 +196,13 @@ class Tangents {
     slide_ = f_.holds_end > 0 && any(any_slides<P>(f_, side));
     if (slide_ && f_.holds_end > 1) several_ = several_slides<P>(f_, side);
     if (slide_ && sliding_.empty()) prepare_slides();
-    if (any_several() && several_stages_.empty()) several_stages_.resize(stages);
+    if (any_several() && several_stages_.empty()) several_stages_.resize(stages());
   }
 
   [[gnu::noinline]] void keep_on_slides(const P& step, const Side& side) {
     const Mask moving = step > P(0.0);
-    keep_on(slid_surface(f_, x, side), sliding_[stages - 1].pivot.within(moving));
-    if (any_several()) several_stages_[stages - 1].keep_on(f_, several_ & moving, x, s);
+    keep_on(slid_surface(f_, x, side), sliding_[stages() - 1].pivot.within(moving));
+    if (any_several()) several_stages_[stages() - 1].keep_on(f_, several_ & moving, x, s);
   }
 
   // On the sides 1 of what is slid on. The same code whether a neighbour slides or not, and so the same bits.
@@ -215,7 +215,7 @@ class Tangents {
   bool any_several() const { return f_.holds_end > 1 && slide_ && any(several_); }
 
   [[gnu::noinline]] void prepare_slides() {
-    sliding_.resize(stages);
+    sliding_.resize(stages());
     for (auto& stage : sliding_) stage.fit_to(f_);
   }
 
@@ -248,26 +248,27 @@ class Tangents {
     }
   };
   P squared(const Estimate& estimate) const {
-    if (f_.kinks_end == 0) return Method::squared_error(estimate.error, estimate.coarse);
-    return judged<Method>(estimate.error, estimate.coarse, beside_);
+    if (f_.kinks_end == 0) return method_.squared_error(estimate.error, estimate.coarse);
+    return judged(method_, estimate.error, estimate.coarse, beside_);
   }
 
   // Moves a number to the step's end; returns its differences to the embedded solutions.
-  static std::pair<P, P> finish(P& value, const State* rate, auto i) {
-    const P change = weighted_sum(counted<Equation, last>(), Method::a[last], rate, i);
+  std::pair<P, P> finish(P& value, const State* rate, auto i) const {
+    const P change = method_.end_of(rate, i);
     value += change;
-    const P coarse = change - weighted_sum(counted<Equation, last>(), Method::coarse, rate, i);
-    return {weighted_sum(counted<Equation, stages>(), Method::error, rate, i), coarse};
+    const P coarse = change - method_.coarse_of(rate, i);
+    return {method_.error_of(rate, i), coarse};
   }
 
+  auto stages() const { return method_.in_error; }  // that take part in S
   static P square(const P& a) { return a * a; }
 
   void fit_all_two(State& a, State& b) const {
     fit(a, f_.states);
     fit(b, f_.states);
   }
-  void fit_all(State (&rate)[Method::stages], State& ahead) const {
-    for (State& one : rate) fit(one, f_.states);
+  void fit_all(State (&rate)[Method::most_stages], State& ahead) const {
+    for (int s = 0; s < stages(); ++s) fit(rate[s], f_.states);
     fit(ahead, f_.states);
   }
 
@@ -276,11 +277,11 @@ class Tangents {
     const auto rows = f_.dependence.rows(j);
     const auto driven = f_.dependence.driven_in_group(j);
     P* const column = &s[f_.dependence.column_start[k]];
-    State rate[Method::stages], ahead;  // of the column's states alone
+    State rate[Method::most_stages], ahead;  // of the column's states alone
     fit_all(rate, ahead);
-    for_each_index(counted<Equation, stages>(), [&](auto s) {
+    for_each_index(stages(), [&](auto s) {
       for_each_variable(rows, [&](auto i) { ahead[i] = column[detail::below(rows, i)]; });
-      add_weighted(s, Method::a[s], rate, rows, ahead);
+      add_weighted(s, method_.a[s], rate, rows, ahead);
       const auto& jacobian = jacobian_[s];
       for_each_variable(rows, [&](auto i) {
         P sum(0.0);
@@ -344,6 +345,7 @@ class Tangents {
   }
 
   const Equation& f_;
+  const Method& method_;
   double tolerance_;
   Mask beside_ = lanes_of<P>::none();        // in this step
   bool slide_ = false;                       // any lane slides in this step
@@ -357,7 +359,7 @@ class Tangents {
   P squared_error_{0.0};
   typename ArraysOf<M, P>::Parameters squared_column_error_, squared_column_size_;
   typename ArraysOf<M, P>::Parameters coarse_fourth_;  // the column's distance to the coarse solution, to the fourth power
-  Jacobian<M, P> jacobian_[stages];
+  Jacobian<M, P> jacobian_[Method::most_in_error];
 };
 
 }  // namespace fisherpoint

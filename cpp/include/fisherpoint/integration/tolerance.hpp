@@ -3,17 +3,24 @@
 
 #include "fisherpoint/integration/dormand_prince.hpp"
 #include "fisherpoint/integration/dormand_prince_853.hpp"
+#include "fisherpoint/integration/tableau.hpp"
+#include "fisherpoint/models/shape.hpp"
 
 namespace fisherpoint {
 
 // fastest: DOP853, and where that is stiff Radau.
 enum class MethodName { fastest, RK45, DOP853, Radau };
 
-// f(the method). DOP853 is the faster one at every tolerance that we tried (docs/studies/performance.md): an embedded pair of
+// f<the method>(). DOP853 is the faster one at every tolerance that we tried (docs/studies/performance.md): an embedded pair of
 // order eight gains so much from ending its steps on the kinks.
+template <class M>
 auto with_method(MethodName name, auto&& f) {
-  if (name == MethodName::RK45) return f(DormandPrince{});
-  return f(DormandPrince853{});
+  if constexpr (!Shape<M>::unrolled) {
+    return f.template operator()<Tableau>();
+  } else {
+    if (name == MethodName::RK45) return f.template operator()<DormandPrince>();
+    return f.template operator()<DormandPrince853>();
+  }
 }
 
 // The local error of a step is held this far below the requested tolerance, so that the global error meets it.
@@ -32,5 +39,17 @@ struct Tolerance {
   // Of squared errors in units of the states' scales: a step is good up to 1.
   double step_weight() const { return 1.0 / (local_share * relative * local_share * relative); }
 };
+
+// The constants of a method; of a tableau, that of the name.
+template <class Method>
+const Method& method_of(const Tolerance&) {
+  static constexpr Method constants{};
+  return constants;
+}
+template <>
+inline const Tableau& method_of(const Tolerance& tolerance) {
+  static constexpr Tableau of_54(DormandPrince{}), of_853(DormandPrince853{});
+  return tolerance.method == MethodName::RK45 ? of_54 : of_853;
+}
 
 }  // namespace fisherpoint

@@ -1,6 +1,8 @@
 // The models that kernels are compiled for, and how many lanes they work on at a time.
 #pragma once
 
+#include <type_traits>
+
 #include "fisherpoint/equations/state_equation.hpp"
 #include "fisherpoint/equations/tape_equations.hpp"
 #include "fisherpoint/integration/integrator.hpp"
@@ -16,10 +18,12 @@ template <>
 inline constexpr int lanes_for<TapeModel> = native_lanes < 8 ? 8 * native_lanes : 32;
 
 #if defined(FISHERPOINT_MODEL)
-// Compiled once, in cpp/src/integrator.cpp: they are most of what a kernel takes to compile.
+// Compiled once, in cpp/src/integrator.cpp and integrator_54.cpp: they are most of what a kernel takes to compile.
 using KernelEquation = StateEquation<FISHERPOINT_MODEL, Pack<lanes_for<FISHERPOINT_MODEL>>>;
-extern template class Integrator<KernelEquation, DormandPrince>;
-extern template class Integrator<KernelEquation, DormandPrince853>;
+template <class Method>
+using KernelMethod = std::conditional_t<Shape<FISHERPOINT_MODEL>::unrolled, Method, Tableau>;
+extern template class Integrator<KernelEquation, KernelMethod<DormandPrince>>;
+extern template class Integrator<KernelEquation, KernelMethod<DormandPrince853>>;
 #endif
 
 }  // namespace fisherpoint

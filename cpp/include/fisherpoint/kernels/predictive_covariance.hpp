@@ -150,8 +150,8 @@ class SumOverNodes {
       std::array<mask_of_lanes<P>, side_by_side> believed;
       believed.fill(lanes_of<P>::none());
       if (point_.plan) {
-        const auto replayed = Replay<M, P, Method, side_by_side>(equations).run(x, point_.plan->stretches,
-                                                                                Remembered{point_.plan->shared.data()});
+        const auto replayed = Replay<M, P, Method, side_by_side>(equations, tolerance_)
+                                  .run(x, point_.plan->stretches, Remembered{point_.plan->shared.data()});
         for (int q = 0; q < side_by_side; ++q) believed[q] = point_.plan->believed(replayed[q]);
       }
       for (int q = 0; q < side_by_side && used[q] > 0; ++q) {
@@ -245,7 +245,7 @@ Status prepare(const M& model, const Pilots& pilots, const Tolerance& tolerance,
   point.nominal_y = of_lane(equation.output(x), shape.outputs);
   if (lanes_of<P>::get(outside_of_output<P>(equation, x), 0)) return Status::left_domain;
   // Equal steps for all nodes have no places at which states are set anew.
-  if (shape.resets == 0) point.plan = Planner<M, P, Method>(model, point.x0, point.u, pilots).plan(steps, tolerance.relative);
+  if (shape.resets == 0) point.plan = Planner<M, P, Method>(model, point.x0, point.u, pilots).plan(steps, tolerance);
   if (point.plan) point.nominal_y = point.plan->nominal_y;
   return finite<double>(point.nominal_y) ? Status::ok : Status::not_finite;
 }

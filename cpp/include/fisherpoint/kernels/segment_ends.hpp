@@ -232,7 +232,7 @@ template <class P, class Method, class M>
     other_start[m] = select(known, other[m], first[m]);
   });
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
-  Tangents<M, P, Method> as_it_is(equation, pack.x0, tolerance.relative), otherwise = as_it_is;
+  Tangents<M, P, Method> as_it_is(equation, pack.x0, tolerance), otherwise = as_it_is;
   for (int lane = 0; lane < pack.used; ++lane) {
     if (!lanes_of<P>::get(doubtful, lane) || end_of(lane).between) continue;
     as_it_is.start(lane, s + rows[lane] * entries);

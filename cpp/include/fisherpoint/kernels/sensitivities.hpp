@@ -136,8 +136,9 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
 
 // Whether an estimated error is small enough, and the path done with; if not, the path is refined, or given up with a status.
 template <class Method, class M>
-bool accepted(double error, double allowed, const Tolerance& tolerance, PointPath<M>& path, Status& status) {
-  const double order = is_stiff(path) ? Radau::error_order : Method::order;
+bool accepted(const Method& method, double error, double allowed, const Tolerance& tolerance, PointPath<M>& path,
+              Status& status) {
+  const double order = is_stiff(path) ? Radau::error_order : method.order;
   const double excess = error / (allowed * tolerance.relative);
   if (excess <= 1.0) {
     path = PointPath<M>();
@@ -167,7 +168,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   auto x0 = pack.x0;
   if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return (paths[k].starts_on & at_limit) != 0; }))
     take_onto_limits(StateEquation<M, P>(model, pack.theta, pack.u), !lanes_of<P>::none(), x0);
-  Tangents<M, P, Method> tangents(equation, x0, tolerance.relative);
+  Tangents<M, P, Method> tangents(equation, x0, tolerance);
   for (int lane = 0; carried && lane < pack.used; ++lane) tangents.start(lane, carried->s + rows[lane] * n_x * p);
   std::optional<StateEquation<M, P>> states;  // of stiff paths
   std::optional<ImplicitTangents<M, P, Method>> implicit_tangents;
@@ -197,6 +198,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
         implicit_tangents->advance(select(kind.implicit, size, P(0.0)), side);
       });
 
+  const Method& method = method_of<Method>(tolerance);
   const P error = tangents.relative_error();
   typename StateEquation<M, P>::Output y;
   fit(y, shape.outputs);
@@ -243,8 +245,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
       end.doubtful = paths[k].ends_on_jump;
       end.side.assign(paths[k].runs.back().side.begin(), paths[k].runs.back().side.begin() + int{shape.jumps_end});
     }
-    if (!accepted<Method, M>(lanes_of<P>::get(error, lane), Method::allowed_estimate, tolerance, paths[k], out.status[k]))
-      continue;
+    if (!accepted(method, lanes_of<P>::get(error, lane), method.allowed_estimate, tolerance, paths[k], out.status[k])) continue;
     if (!lanes_of<P>::get(whole, lane)) {
       out.status[k] = Status::not_finite;
       continue;
@@ -285,7 +286,7 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
-  Adjoints<M, P, Method> adjoints(equation, pack.x0, tolerance.relative);
+  Adjoints<M, P, Method> adjoints(equation, pack.x0, tolerance);
   for_each_step<P, M>(
       shape, rows, paths, [](const auto&...) {},
       [&](const P& size, const auto& side, const auto& kind) { adjoints.advance(size, side, kind.beside); });
@@ -315,12 +316,12 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
   for (std::size_t r = 0; r < back.size(); ++r)
     for (std::size_t j = 0; j < p; ++j) dy[output_of[r] * p + j] += back[r].gradient[j];
 
+  const Method& method = method_of<Method>(tolerance);
   const P error = adjoints.relative_error();
   const mask_of_lanes<P> whole = finite<P>(adjoints.x) & finite<P>(y) & finite<P>(dy);
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
-    if (!accepted<Method, M>(lanes_of<P>::get(error, lane), Method::allowed_of_rows, tolerance, paths[k], out.status[k]))
-      continue;
+    if (!accepted(method, lanes_of<P>::get(error, lane), method.allowed_of_rows, tolerance, paths[k], out.status[k])) continue;
     if (!lanes_of<P>::get(whole, lane)) {
       out.status[k] = Status::not_finite;
       continue;

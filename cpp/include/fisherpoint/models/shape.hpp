@@ -33,9 +33,7 @@ struct Shape {
                const std::array<double, S::parameters> theta,
                const std::array<double, S::sides> side) { model.limits(x, u, theta, side); };
   static constexpr Count<0> resets{};
-  // How loops over n stages are counted.
-  template <int n>
-  using Stages = Count<n>;
+  static constexpr bool unrolled = true;  // its loops over stages
 };
 
 template <Model M>

@@ -77,9 +77,8 @@ struct Shape<TapeModel> {
   int measured = 0;           // limits behind the surfaces, which hold where g is measured
   int resets = 0;
   int holds_end = 0;  // of jumps and kinks that may hold trajectories, which come first; of a model it is made from `Varying`
-  static constexpr int values = -1;  // surfaces and what is measured, of a number that is not known here
-  template <int n>
-  using Stages = int;  // packs are so wide that unrolled loops would only overflow the instruction cache
+  static constexpr int values = -1;        // surfaces and what is measured, of a number that is not known here
+  static constexpr bool unrolled = false;  // packs are so wide that unrolled loops would only overflow the instruction cache
 };
 
 // An entry of a Jacobian: the derivative of function `row` in `variable`, the states first, then the parameters.

@@ -39,6 +39,11 @@ constexpr Count<n + 1> after(Count<n>) {
   return {};
 }
 constexpr int after(int n) { return n + 1; }
+template <int n>
+constexpr Count<n - 1> before(Count<n>) {
+  return {};
+}
+constexpr int before(int n) { return n - 1; }
 
 // The same for a count of either kind, and from `first` to `last - 1`.
 template <int n>
