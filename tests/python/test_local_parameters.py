@@ -13,8 +13,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 import fisherpoint as fp
 from fisherpoint.estimation.bordered import Bordered
-from fisherpoint.estimation.least_squares import DENSE, Tangent
 from fisherpoint.estimation.precision import Precision
+from fisherpoint.estimation.tangent_space import DENSE, Tangent
 from fisherpoint.estimation.whiteness import autocorrelation, spectrum
 from local_cases import NOISE, START, cart, joint_fit, measured
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
-from .least_squares import CLEAR, DampedSteps, Layout, TangentSpace, length_along, unit_columns
+from .tangent_space import CLEAR, DampedSteps, Layout, TangentSpace, length_along, unit_columns
 
 Places = NDArray[np.intp]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,14 +17,13 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from ..noise.models import NoiseOf
-from ..points.predictive import predictive_covariance
-from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
-from ..prior.rules import DEFAULT_RULE
+from .apriori_covariance import apriori_covariance
 from .bordered import BorderedTangent
 from .local_values import NO_SPREAD, LocalValue, Spread
 from .noise_estimate import OutputNoiseEstimate, student_degrees
 from .nuisance import Nuisance
+from .output_tests import OutputTest
 from .precision import Precision, in_words, is_clear, quantile
 from .residual_checks import OFF, ResidualCheck, Series, ShareOfBlocks, WhitenedRows, residual_checks, robust
 from .sandwich import Sandwich
@@ -37,24 +36,6 @@ NUMERICAL = 1000.0
 
 FEWEST_DEGREES = 0.5
 """Degrees of freedom of an output below which its residuals do not determine its noise."""
-
-
-@dataclass(frozen=True, eq=False)
-class OutputTest:
-    """Chi-square of one output's residuals: their number, degrees of freedom, and the probability of more by chance.
-
-    Where the noise is estimated, chi-square equals the degrees of freedom by construction, and `p_value` is None.
-    """
-
-    count: int
-    chi_square: float
-    degrees_of_freedom: float
-    p_value: float | None
-
-    @property
-    def per_degree_of_freedom(self) -> float:
-        """Chi-square per degree of freedom: 1 where the model and the noise are right; inf where nothing is left to judge by."""
-        return self.chi_square / self.degrees_of_freedom if self.degrees_of_freedom > 1e-9 else np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -293,17 +274,13 @@ class FitStatistics:
     @property
     def tests(self) -> Mapping[str, OutputTest]:
         """Chi-square of every measured output: far above its degrees of freedom where the model or the noise is wrong."""
-        from scipy.stats import chi2
-
         counts, squares = np.isfinite(self.residuals).sum(axis=0), np.square(self.whitened).sum(axis=0)
-        tests = {}
+        found = {}
         for i, name in enumerate(names_of(self.model.outputs)):
             if counts[i]:
-                degrees = float(self.output_degrees_of_freedom[i])
-                unit = self._unit_of_squares(i)  # chi-square with degrees / unit degrees of freedom, times this
-                p_value = float(chi2.sf(squares[i] / unit, degrees / unit)) if self.noise_known and degrees > 1e-9 else None
-                tests[name] = OutputTest(int(counts[i]), float(squares[i]), degrees, p_value)
-        return FrozenMapping(tests)
+                unit = self._unit_of_squares(i) if self.noise_known else None
+                found[name] = OutputTest.of(int(counts[i]), float(squares[i]), float(self.output_degrees_of_freedom[i]), unit)
+        return FrozenMapping(found)
 
     def _unit_of_squares(self, output: int) -> float:
         """By how much the squares of an output's scores scatter, in units of those of normal residuals."""
@@ -444,29 +421,3 @@ class FitStatistics:
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))
-
-
-def apriori_covariance(
-    model: Model, data: Sequence[Measurements | Record], prior: GaussianPrior | None, estimated: Collection[str], noise: Array
-) -> Array | None:
-    """The noise's covariance plus the mean predictive covariance (16) of the points over the prior, (n_y, n_y).
-
-    None where there is no prior of all parameters, where there are records or runs, and where no point has its trajectories.
-    """
-    names = names_of(model.parameters)
-    measured = [part for part in data if isinstance(part, Measurements)]
-    if prior is None or set(names) - set(prior.names) or len(measured) < len(data):
-        return None
-    runs = Measurements.join(measured).runs
-    points = runs.points
-    if points is None:
-        return None
-    first, of = runs.distinct()
-    counts = np.bincount(of)
-    varied = tuple(name for name in names if name in estimated)
-    spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, jumps="cross", parameters=varied)
-    ok = spread.status == Status.ok
-    if not ok.any():
-        return None
-    mean: Array = np.average(spread.covariance[ok], axis=0, weights=counts[ok])
-    return mean + noise

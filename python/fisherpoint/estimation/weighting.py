@@ -17,9 +17,10 @@ from ..information.run_tangents import moves_of_runs
 from ..noise.common_error import CommonError
 from ..points.settings import Integration
 from ..points.status import Status
-from .least_squares import DENSE, Accuracy, Layout
+from .least_squares import Accuracy
 from .observed import Observed
 from .sensor_noise import Readings, SensorNoise
+from .tangent_space import DENSE, Layout
 from .unknowns import Unknowns
 
 
