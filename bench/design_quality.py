@@ -122,7 +122,7 @@ def measured(candidate: Candidate, case: Case, noise: float, theta: Array) -> tu
     one = candidate.data
     x0 = np.tile([one.x0[state.name] for state in MODEL.states], (len(theta), 1))
     true = fp.HydraulicCylinder(**constants, smooth=SMOOTH)
-    _, y, status, _ = record_trajectories(true, theta, x0, one.t, one.u, Integration(TRUTH_RTOL, threads=resolve_threads(None)))
+    _, y, status, _ = record_trajectories(true, theta, x0, one.inputs, Integration(TRUTH_RTOL, threads=resolve_threads(None)))
     return y + np.array(list((nominal_std(asked.noise)).values())) * streams.noise.standard_normal(y.shape) + 0 * one.y, status
 
 

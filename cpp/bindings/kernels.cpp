@@ -17,6 +17,7 @@ namespace fisherpoint::bindings {
 namespace {
 
 using Flags = py::array_t<bool, py::array::c_style | py::array::forcecast>;
+using Columns = py::array_t<std::int32_t, py::array::c_style | py::array::forcecast>;
 
 // Runs without the interpreter lock; a pending signal's exception (Ctrl-C) is raised once the work has stopped.
 void run(int threads, const std::function<void(const Workers&)>& work) {
@@ -82,6 +83,19 @@ Parameters checked_parameters(const M& model, const Input& theta, py::ssize_t co
   if (theta.ndim() == 2) check_shape(theta, {count, p}, "theta");
   if (theta.ndim() != 2) check_shape(theta, {p}, "theta");
   return {theta.data(), theta.ndim() == 2};
+}
+
+MovedSwitches checked_switches(const Columns& moved, const Input& moved_u, py::ssize_t count, py::ssize_t segments,
+                               const auto& shape) {
+  if (moved.size() == 0) return {};
+  const py::ssize_t each = moved.ndim() == 3 ? moved.shape(2) : -1;
+  if (each < 0 || moved.shape(0) != count || moved.shape(1) != segments)
+    throw py::value_error("moved: expected columns for every segment");
+  check_shape(moved_u, {count, segments, each, shape.inputs}, "moved_u");
+  const std::int32_t p = shape.parameters;
+  for (py::ssize_t at = 0; at < moved.size(); ++at)
+    if (moved.data()[at] >= p) throw py::value_error("moved: expected columns of parameters, given one beyond them");
+  return {static_cast<std::size_t>(each), moved.data(), moved_u.data()};
 }
 
 template <class M>
@@ -163,7 +177,7 @@ void bind_model(py::module_& m) {
       "run_sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
          bool cross_jumps, const std::string& method, int threads, const Flags& measured, const Input& s, bool outputs_alone,
-         bool doubts) {
+         bool doubts, const Columns& moved, const Input& moved_u, bool whole_first) {
         const auto [n_x, n_y, p] = sizes_of(model);
         const Runs runs = checked_runs(model, x0, u, dt);
         const auto count = static_cast<py::ssize_t>(runs.count), segments = static_cast<py::ssize_t>(runs.segments);
@@ -171,28 +185,33 @@ void bind_model(py::module_& m) {
         if (measured.ndim() != 2 || measured.shape(0) != count || measured.shape(1) != segments)
           throw py::value_error("measured: expected a flag for every segment");
         if (s.size() > 0) check_shape(s, {count, n_x, p}, "s");
+        const MovedSwitches switches = checked_switches(moved, moved_u, count, segments, shape_of(model));
         auto x = empty({count, segments + 1, n_x}), y = empty({count, segments, n_y}), dy = empty({count, segments, n_y, p});
         auto dx = empty({outputs_alone ? 0 : count, segments, n_x, p});
         py::array_t<std::int32_t> status(count);
         py::array_t<std::int64_t> reached(count);
         const RunStart start{s.size() > 0 ? s.data() : nullptr, reinterpret_cast<const unsigned char*>(measured.data()),
-                             doubts};
+                             switches, doubts};
         const SensitiveRuns out{x.mutable_data(),
                                 y.mutable_data(),
                                 outputs_alone ? nullptr : dx.mutable_data(),
                                 dy.mutable_data(),
                                 reinterpret_cast<Status*>(status.mutable_data()),
                                 reached.mutable_data()};
+        Tolerance tolerance = tolerance_of(rtol, cross_kinks, cross_jumps, method);
+        tolerance.whole_first = whole_first;
         run(threads, [&](const Workers& workers) {
-          run_sensitivities(model, runs, start, parameters, tolerance_of(rtol, cross_kinks, cross_jumps, method), workers, out);
+          run_sensitivities(model, runs, start, parameters, tolerance, workers, out);
         });
         return py::make_tuple(x, y, dx, dy, status, reached);
       },
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
-      "measured"_a, "s"_a, "outputs_alone"_a = false, "doubts"_a = false,
+      "measured"_a, "s"_a, "outputs_alone"_a = false, "doubts"_a = false, "moved"_a = Columns(), "moved_u"_a = Input(), "whole_first"_a = false,
       "x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, "
       "empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN "
-      "that hang on whether a jump is met before an end or behind it.");
+      "that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in "
+      "instants "
+      "that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before.");
 
   m.def(
       "predictive_covariance",

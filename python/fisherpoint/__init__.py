@@ -261,7 +261,7 @@ def _elsewhere(name: str) -> str:
 
     if name in _RENAMED:
         return f": it is fisherpoint.{_RENAMED[name]}"
-    if name in {*ARGUMENTS, "latch"}:
+    if name in {*ARGUMENTS, "latch", "delay"}:
         return f": it is fisherpoint.math.{name}"
     if name[:1].isupper() and name in import_module(".results", __name__).__all__:
         return f": it is fisherpoint.results.{name}"

@@ -41,6 +41,20 @@ def tanks() -> fp.Model:
     )
 
 
+def late_tanks() -> fp.Model:
+    """A tank that is filled late."""
+    return fp.SymbolicModel(
+        ["delay(u, tau) - k1*sqrt(a) - max(a - 1, 0)", "k1*sqrt(a) - k2*sqrt(b)"],
+        ["b", "a"],
+        states={"a": "m", "b": "m"},
+        inputs={"u": "1"},
+        outputs={"y": "m", "z": "m"},
+        parameters={"k1": "1", "k2": "1", "tau": "s"},
+        nominal={"k1": 1.0, "k2": 0.8, "tau": 0.15},
+        check_units=False,
+    )
+
+
 def cylinder(**changes: Any) -> fp.DesignProblem:
     return fp.load_problem(EXAMPLES / "cylinder.toml").replace(**changes)
 
@@ -124,6 +138,7 @@ for jumps in ("cross", "exclude"):
     case(f"sensitivities, jumps {jumps}", fp.sensitivities, CYLINDER, points(), CYLINDER.nominal, jumps=jumps)
 case("simulate from equations", fp.simulate, tanks(), tank_points(), tanks().nominal)
 case("sensitivities of runs", fp.sensitivities, tanks(), driven(), tanks().nominal)
+case("sensitivities of runs with a dead time", fp.sensitivities, late_tanks(), driven(), late_tanks().nominal)
 case("implicit method", fp.sensitivities, tanks(), tank_points(), tanks().nominal, method="Radau")
 case("simulate a record", simulated_record)
 case("model of functions", written_as_functions)

@@ -40,6 +40,7 @@ ALSO = (
     "floats",
     "nice",
     "nice",
+    "delay",
     "shared",
     "noise",
     "runs",

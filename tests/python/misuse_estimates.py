@@ -25,6 +25,7 @@ def estimate_cases() -> dict[str, Case]:
             t=([0.0, 0.1, 0.2], ARRAY),
             u=([0.1, 0.2, 0.3], ARRAY),
             x0=({"h": 1.0}, ARRAY, MAP),
+            before=({"u": 0.1}, ARRAY, MAP, NONE),
             rtol=rtol,
         ),
         "VirtualRig": case(

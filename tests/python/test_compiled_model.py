@@ -207,3 +207,20 @@ def test_time_in_equations_is_that_of_the_interpreted_model():
     one, other = (fp.sensitivities(m, runs, [1.2, 0.3, 0.77]) for m in (model, compiled))
     assert one.statuses == other.statuses == (fp.Status.ok,) and one.x.shape == other.x.shape == (1, 5, 1)
     np.testing.assert_allclose(other.dy_dtheta, one.dy_dtheta, rtol=1e-12)
+
+
+def test_a_dead_time_is_the_interpreted_one(cache):
+    model = fp.SymbolicModel(
+        ["k*delay(u, tau) - c*sign(x)"], ["x"], {"x": "m"}, {"u": "m/s"}, {"k": "1", "c": "m/s", "tau": "s"}, {"x": "m"}
+    )
+    rng, theta = np.random.default_rng(0), [1.0, 0.6, 0.07]
+    runs = fp.Runs(np.zeros((5, 1)), rng.normal(0, 1.5, (5, 12)), 0.05, before=[0.4])
+    compiled = model.compile()
+    assert compiled.compiled and compiled.delays == {"u": "tau"}
+    interpreted, one, two = (fp.sensitivities(of, runs, theta, threads=n) for of, n in ((model, 1), (compiled, 1), (compiled, 2)))
+    assert not one.status.any() and abs(one.dy_dtheta[..., 2]).max() > 1
+    np.testing.assert_allclose(one.dy_dtheta, interpreted.dy_dtheta, rtol=1e-9, atol=1e-12)
+    assert (one.dy_dtheta == two.dy_dtheta).all()
+    record = fp.Record(np.arange(40) * 0.05, rng.normal(0, 1.5, 40), np.ones(40), x0={"x": 0.0})
+    responses = [RecordResponse(of, record, [0, 1, 2])(np.array([theta]), np.zeros((1, 1))) for of in (model, compiled)]
+    np.testing.assert_allclose(responses[1].dy, responses[0].dy, rtol=1e-9, atol=1e-12)

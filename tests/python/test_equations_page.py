@@ -123,11 +123,20 @@ MEMORY: dict[str, Callable[[], tuple[fp.SymbolicModel, Callable[[float, float], 
 
 #: Rows that are refused, with what the message proposes.
 REFUSED = {"floor(x)": "where", "x % a": "where", "x == a": r"abs\(a - b\) < width"}
+REFUSED |= {
+    "delay(x, a)": "no delayed states",
+    "delay(2*u, a)": r"delay\(u, tau\) with an input",
+    "u + delay(u, a)": "second input",
+}
+
+#: Rows of inputs that act late, with their dead times.
+LATE = {"delay(u, a)": THETA["a"], "delay(u, 0.3)": 0.3}
 
 
 def model(f: str, g: str = "x", resets: dict[str, dict[str, str]] | None = None) -> fp.SymbolicModel:
     given = dict.fromkeys(THETA, "1")
-    return fp.SymbolicModel([f], [g], {"x": "1"}, {}, given, {"y": "1"}, constants=CONSTANTS, resets=resets, check_units=False)
+    inputs = {"u": "1"} if "u" in f.replace("sqrt", "") else {}
+    return fp.SymbolicModel([f], [g], {"x": "1"}, inputs, given, {"y": "1"}, constants=CONSTANTS, resets=resets, check_units=False)
 
 
 def alone(x0: float, duration: float) -> fp.Experiments:
@@ -174,6 +183,24 @@ def test_a_stop_with_restitution_is_right_until_impacts_pile_up() -> None:
     assert [str(status) for status in done.statuses] == ["ok", "chatters"]
 
 
+@pytest.mark.parametrize("name", LATE)
+def test_a_row_of_a_dead_time_is_right(name: str) -> None:
+    """x' = u - b x, from 0.2, under 0 before, 1 for half a second, and 3 for another one."""
+    runs = fp.Runs([[0.2]], [[[1.0], [3.0]]], 0.5, before=[0.0])
+    done = fp.sensitivities(model(f"{name} - b*x"), runs, THETA, rtol=1e-10)
+
+    def right(late: float, b: float) -> float:
+        x, rest = 0.2 * np.exp(-b), [(1.0, min(late, 1.0)), (2.0, min(late + 0.5, 1.0))]
+        return float(x + sum(step * (1 - np.exp(-b * (1 - at))) / b for step, at in rest))
+
+    late, b, h = LATE[name], THETA["b"], 1e-5
+    slopes = [(right(late + h, b) - right(late - h, b)) / (2 * h) * (name == "delay(u, a)")]
+    slopes += [(right(late, b + h) - right(late, b - h)) / (2 * h)]
+    assert str(done.statuses[0]) == "ok"
+    assert done.y[0, 1, 0] == pytest.approx(right(late, b), abs=1e-8)
+    np.testing.assert_allclose(done.dy_dtheta[0, 1, 0], slopes, rtol=1e-5, atol=1e-6)
+
+
 @pytest.mark.parametrize("name", ENDS)
 def test_a_row_ends_with_its_status(name: str) -> None:
     f, x0, status = ENDS[name]
@@ -189,7 +216,7 @@ def test_a_row_is_refused(name: str) -> None:
 def test_every_row_of_the_page_is_tested() -> None:
     rows = [cell for line in PAGE.read_text().splitlines() if line.startswith("| `") for cell in [line.split("|")[1]]]
     written = [name for cell in rows for name in re.findall("`([^`]+)`", cell)]
-    tested = [*CASES, *MEMORY, *ENDS, *REFUSED]
+    tested = [*CASES, *MEMORY, *ENDS, *REFUSED, *LATE]
     others = {"min(x, a)", "max(x, a)", "heaviside(x - a)"}  # beside another of the same kind
-    others |= {'resets={"x < 0": {"v": "-e*v"}}'}  # it has two states
+    others |= {'resets={"x < 0": {"v": "-e*v"}}', "2*delay(u, a)"}  # it has two states; what stands instead
     assert set(written) - others == set(tested)

@@ -151,6 +151,14 @@ def test_a_script_runs(script: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "rank 4 of 5" in capsys.readouterr().out
 
 
+def test_a_dead_time_that_is_left_out_is_seen_in_residuals_and_in_the_inertia(capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(EXAMPLES / "joint_dead_time.py"), run_name="__main__")
+    without, late = capsys.readouterr().out.split("with delay(u, tau)")
+    (inertia, *_), found = (re.findall(r"([+-][\d.]+) standard errors off", part) for part in (without, late))
+    assert "not white" in without and abs(float(inertia)) > 10
+    assert "not white" not in late and len(found) == 5 and all(abs(float(off)) < 4 for off in found)
+
+
 def test_what_is_written_on_models_runs(tmp_path: Path) -> None:
     text = (EXAMPLES.parent / "docs" / "how_to" / "models.md").read_text()
     python, toml = (re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL) for kind in ("python", "toml"))

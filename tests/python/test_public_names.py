@@ -15,7 +15,7 @@ import fisherpoint as fp
 from fisherpoint.basics.formulas import ARGUMENTS
 
 ROOT = Path(__file__).parents[2]
-ALIASES = {*ARGUMENTS, "latch"}  # of equations as text
+ALIASES = {*ARGUMENTS, "latch", "delay"}  # of equations as text
 
 OPTIONAL_AND_POSITIONAL = {
     "approximate_design": ["candidates"],

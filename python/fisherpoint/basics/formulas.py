@@ -105,7 +105,7 @@ class Reader(ABC):
     """
 
     remembers = False
-    """Whether latch() may occur."""
+    """Whether latch() and delay() may occur."""
 
     def __init__(self, formula: Formula, names: Mapping[str, Any], hidden: Mapping[str, Any] | None = None) -> None:
         self.formula, self.names, self.hidden = formula, names, hidden or {}
@@ -157,6 +157,8 @@ class Reader(ABC):
                 return self._call(node, name, arguments, depth + 1)
             case ast.Call(ast.Name("latch"), _, _) if self.remembers:
                 return self._latch(node, depth + 1)
+            case ast.Call(ast.Name("delay"), _, _) if self.remembers:
+                return self._delay(node, depth + 1)
             case ast.Call(ast.Name(name), _, _) if name in _REPEATING and name not in self.names:
                 self.formula.refuse(REPEATED, node)
             case ast.BinOp(_, ast.Mod() | ast.FloorDiv(), _):
@@ -211,6 +213,12 @@ class Reader(ABC):
         conditions = [self._condition(argument, depth) for argument in node.args[:2]]
         values = [self._term(argument, depth) for argument in (*start, *(one.value for one in named))]
         return self.combined(node, "latch", *conditions, *values)
+
+    def _delay(self, node: ast.Call, depth: int) -> Any:
+        match node.args:
+            case [ast.Name(), ast.Name() | ast.Constant()] if not node.keywords:
+                return self.combined(node, "delay", *(self._term(argument, depth) for argument in node.args))
+        self.formula.refuse("expected delay(u, tau) with an input and a parameter, a known constant or a number of seconds", node)
 
     def _condition(self, node: ast.expr, depth: int) -> Any:
         if depth > MAX_DEPTH:

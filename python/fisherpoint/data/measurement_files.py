@@ -31,8 +31,11 @@ from ..models import Model
 from ..points.experiments import BOOKKEEPING, Experiments, columns_of
 from ..points.run_files import (
     MEASURED,
+    REST,
     RUN,
     SEGMENT,
+    before_columns_of,
+    before_of_table,
     rest_columns,
     rest_columns_of,
     rest_of_table,
@@ -106,10 +109,10 @@ def _points(table: DataTable, model: Model, labels: tuple[str, ...]) -> tuple[Ex
 
 
 def _runs(table: DataTable, model: Model, labels: tuple[str, ...]) -> tuple[Runs, Array, Mapping[str, tuple[str, ...]]]:
-    further = rest_columns_of(table, model)
+    further = (*rest_columns_of(table, model), *before_columns_of(table, model))
     outputs = _columns_of_outputs(table, model, {*_axes(model), RUN.name, SEGMENT.name, MEASURED.name, *further})
     x0, u, dt, measured = runs_of_table(table, model, (*outputs.values(), *further), (*BOOKKEEPING, *labels))
-    rest = rest_of_table(table, model) if further else None
+    rest = rest_of_table(table, model) if REST in further else None
     if not outputs:
         of_outputs = listed(f"y_{name}" for name in names_of(model.outputs))
         raise ValueError(f"{table.path}: expected of the columns {of_outputs} those that were measured; given none")
@@ -119,7 +122,7 @@ def _runs(table: DataTable, model: Model, labels: tuple[str, ...]) -> tuple[Runs
         if name in outputs:
             table.refuse(~np.isnan(numbers[:, j]) & ~measured[k, n], outputs[name], f"no number where {MEASURED.name} is 0")
     try:
-        runs = Runs(x0, u, dt, measured, rest=rest, columns=columns_of(model))
+        runs = Runs(x0, u, dt, measured, rest=rest, before=before_of_table(table, model), columns=columns_of(model))
     except ValueError as error:
         raise ValueError(f"{table.path}: {error}") from error
     _, same = runs.distinct(sampled_alike=False)

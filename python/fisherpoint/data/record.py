@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_float, as_index, as_path, by_name, check_known, check_type
+from ..basics.checks import as_float, as_floats, as_index, as_path, by_name, check_known, check_type
 from ..basics.csv_file import csv_text
 from ..basics.files import write_whole
 from ..basics.messages import listed, shown
@@ -18,7 +18,8 @@ from ..basics.quantity import names_of
 from ..basics.table import as_table
 from ..basics.values import Array
 from ..models import Model
-from ..points.run_files import time_name
+from ..points.dead_time import Earlier
+from ..points.run_files import BEFORE, time_name
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, first_rows, numbered
 from .held_inputs import checked_times, held_inputs
@@ -26,6 +27,7 @@ from .labels import checked_label, label_columns
 from .measured_outputs import measured_outputs
 from .merging import merged_channels
 from .record_files import read_record
+from .record_trajectory import RecordInputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +49,10 @@ class Record(InNotebooks):
         that of the whole.
     labels : mapping of name to label, optional
         Of which plant, day or batch it is, such as ``{"plant": "A"}``. Local parameters have one value for each label.
+    before : array_like, (n_u,), or (H, 1 + n_u), optional
+        Inputs before the first sample, SI units, which equations with a dead time still read at first, see
+        `fisherpoint.math.delay`; or rows of a time, s, and the inputs from then on, of which the first has those before it as well.
+        Default: those of the first sample. Samples that are taken out of a record know what came before them.
 
     Raises
     ------
@@ -62,6 +68,7 @@ class Record(InNotebooks):
     x0: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     begin: float | None = field(default=None, kw_only=True)
     labels: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    before: Array | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         t = checked_times(self.t)
@@ -70,6 +77,8 @@ class Record(InNotebooks):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         object.__setattr__(self, "x0", by_name(self.x0, None, "x0", as_float))
+        if self.before is not None:
+            object.__setattr__(self, "before", _inputs_before(self.before, t[0], self.u.shape[1]))
         object.__setattr__(self, "begin", float(t[0]) if self.begin is None else as_float(self.begin, "begin"))
         object.__setattr__(self, "labels", by_name(self.labels, None, "labels", checked_label))
 
@@ -84,7 +93,16 @@ class Record(InNotebooks):
         if step != 1 or not first < last:
             raise ValueError(f"samples: expected a slice of consecutive samples, at least one, given {shown(samples)}")
         x0 = self.x0 if first == 0 else {}
-        return Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=x0, begin=self.begin, labels=self.labels)
+        before = np.concatenate([self._rows_before, np.column_stack([self.t, self.u])[:first]]) if first else self.before
+        t, u, y = (of[first:last] for of in (self.t, self.u, self.y))
+        return Record(t, u, y, x0=x0, begin=self.begin, before=before, labels=self.labels)
+
+    @property
+    def _rows_before(self) -> Array:
+        """Rows of times and inputs before the first sample; the time of a single input does not count."""
+        if self.before is None or self.before.ndim == 2:
+            return np.empty((0, 1 + self.u.shape[1])) if self.before is None else self.before
+        return np.array([[self.t[0] - 1.0, *self.before]])
 
     def __repr__(self) -> str:
         measured = int(np.isfinite(self.y).sum())
@@ -101,6 +119,14 @@ class Record(InNotebooks):
     def since(self) -> Array:
         """The times of the samples as equations read them, (N,), s."""
         return np.asarray(self.t - (self.begin or 0.0))
+
+    @property
+    def inputs(self) -> RecordInputs:
+        """The inputs over the time, with what they were before."""
+        rows = self._rows_before
+        if not len(rows):
+            return RecordInputs(self.since, self.u, self.u[0])
+        return RecordInputs(self.since, self.u, rows[0, 1:], Earlier(rows[:, 0] - self.t[0], rows[:, 1:]))
 
     @property
     def samples(self) -> Array:
@@ -120,17 +146,24 @@ class Record(InNotebooks):
     def to_csv(self, path: str | Path, model: Model) -> None:
         """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured.
 
-        Known starts and labels stand in the first row, as ``x0_<name>`` and by their names. Where an input of the model is called
-        t, the column of the times is called ``time``.
+        Known starts and labels stand in the first row, as ``x0_<name>`` and by their names, and so do inputs before it, as
+        ``before_<name>``. Where an input of the model is called t, the column of the times is called ``time``.
         """
         self.check(model)
+        inputs = names_of(model.inputs)
         outputs, starts = (f"y_{name}" for name in names_of(model.outputs)), (f"x0_{name}" for name in self.x0)
-        header = (time_name(names_of(model.inputs)), *names_of(model.inputs), *outputs, *starts)
+        if model.delays and self.before is not None and self.before.ndim == 2:
+            raise ValueError(
+                "before: expected one input before the record, given several: write the whole record, not a part of it"
+            )
+        known = self.before if self.before is not None and self.before.ndim == 1 else None
+        before = [] if known is None else [f"{BEFORE}_{name}" for name in inputs]
+        header = (time_name(inputs), *inputs, *outputs, *starts, *before)
         if len(set(header)) != len(header):
-            raise ValueError(f"model: expected inputs other than y_<output> and x0_<state>, given {listed(names_of(model.inputs))}")
-        x0 = np.full((len(self), len(self.x0)), np.nan)
-        x0[0] = list(self.x0.values())
-        rows = np.column_stack([self.t, self.u, self.y, x0]).tolist()
+            raise ValueError(f"model: expected inputs other than y_<output>, x0_<state> and before_<input>, given {listed(inputs)}")
+        first = np.full((len(self), len(self.x0) + len(before)), np.nan)
+        first[0] = [*self.x0.values(), *(() if known is None else known)]
+        rows = np.column_stack([self.t, self.u, self.y, first]).tolist()
         names = label_columns(self.labels, (*header, *names_of(model.states)))
         labels = [self.labels[name] for name in names if name in self.labels]
         of_rows = [[*row, *(labels if k == 0 else [""] * len(labels))] for k, row in enumerate(rows)]
@@ -163,7 +196,8 @@ class Record(InNotebooks):
 
             The times are ``t``, or ``time`` where an input of the model is called t; an output is ``y_<name>``, or its name alone
             where no state or input has that. Outputs may be left out: these were not measured. ``x0_<state>`` has a known start in
-            the first row; further rows are empty or repeat it, and an empty first row says that the start is not known.
+            the first row; further rows are empty or repeat it, and an empty first row says that the start is not known. So has
+            ``before_<input>`` the input before the first sample, of all inputs or of none.
         x0 : mapping of state name to float, optional
             Start values that are known, SI units; they count instead of those of the table.
         labels : sequence of str, optional
@@ -180,9 +214,10 @@ class Record(InNotebooks):
         """
         check_type(model, Model, "model")
         table = as_table(table, columns)
-        t, u, y, known, of = read_record(table, model, labels)
+        t, u, y, known, before, of = read_record(table, model, labels)
         try:
-            record = cls(t, u, y, x0={**known, **by_name({} if x0 is None else x0, None, "x0", as_float)}, labels=of)
+            starts = {**known, **by_name({} if x0 is None else x0, None, "x0", as_float)}
+            record = cls(t, u, y, x0=starts, before=before, labels=of)
         except ValueError as error:
             raise ValueError(f"{table.path}: {error}") from error
         record.check(model)
@@ -233,3 +268,13 @@ class Record(InNotebooks):
         record = cls(*merged_channels(channels, model), x0={} if x0 is None else x0)
         record.check(model)
         return record
+
+
+def _inputs_before(given: ArrayLike, start: float, inputs: int) -> Array:
+    """Inputs before the first sample (n_u,), or rows of times and inputs (H, 1 + n_u)."""
+    before = as_floats(given, "before")
+    if before.shape != (inputs,) and (before.ndim != 2 or before.shape[1] != 1 + inputs or not len(before)):
+        raise ValueError(f"before: expected shape ({inputs},) or (H, {1 + inputs}), given {before.shape}")
+    if before.ndim == 2 and not (np.diff(checked_times(before[:, 0], "before"), append=start) > 0).all():
+        raise ValueError(f"before: expected times before the first sample at {start:g} s, given {before[-1, 0]:g}")
+    return before

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..basics.checks import as_floats_of_shape, check_type, in_order
+from ..basics.checks import as_float, as_floats_of_shape, by_name, check_type, in_order
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
+from ..points.dead_time import Earlier, Switched, switched
 from ..points.natural_sizes import warn_of_small_states
 from ..points.settings import Integration, check_rtol
 from ..points.status import Status
@@ -47,6 +48,7 @@ def simulate_record(
     theta: Mapping[str, float] | ArrayLike,
     x0: Mapping[str, float] | ArrayLike = (),
     *,
+    before: Mapping[str, float] | ArrayLike | None = None,
     rtol: float = 1e-6,
 ) -> RecordTrajectory:
     """Simulate one long trajectory under inputs that are held from sample to sample.
@@ -63,6 +65,8 @@ def simulate_record(
         Parameters, SI units.
     x0 : mapping by name, or array_like (n_x,)
         State at t[0], SI units; none for a model without states.
+    before : mapping by name, or array_like (n_u,), optional
+        Inputs before t[0], SI units, which equations with a dead time still read at first. Default: u[0].
     rtol : float
         Tolerance of each piece between two samples, in units of the states' natural sizes.
 
@@ -85,26 +89,67 @@ def simulate_record(
     if inputs.shape[1] != len(model.inputs):
         raise ValueError(f"u: expected shape ({len(times)}, {len(model.inputs)}), given {inputs.shape}")
     start = in_order(x0, names, "x0") if isinstance(x0, Mapping) else as_floats_of_shape(x0, (len(names),), "x0")
-    x, y, status, reached = record_trajectories(model, theta[None], start[None], times - times[0], inputs, Integration(rtol))
+    held = RecordInputs(times - times[0], inputs, _before(before, inputs[0], names_of(model.inputs)))
+    x, y, status, reached = record_trajectories(model, theta[None], start[None], held, Integration(rtol))
     warn_of_small_states(model, "the trajectory keeps", x[0, : reached[0] + 1])
     return RecordTrajectory(x[0], y[0], Status(int(status[0])), int(reached[0]))
 
 
+def _before(given: Mapping[str, float] | ArrayLike | None, first: Array, names: tuple[str, ...]) -> Array:
+    if given is None:
+        return first
+    if isinstance(given, Mapping):
+        return np.array(list(by_name({**dict(zip(names, first, strict=True)), **given}, names, "before", as_float).values()))
+    return as_floats_of_shape(given, (len(names),), "before")
+
+
+class RecordInputs(NamedTuple):
+    """Times t (N,) of f, the inputs u (N, n_u) that are held from them on, those `before` (n_u,), and those in between."""
+
+    t: Array
+    u: Array
+    before: Array
+    earlier: Earlier | None = None
+
+    def switched(self, model: Model, theta: Array) -> tuple[Switched, Array]:
+        """Segments between all switches for parameters (B, p), up to the last sample, and inputs (B, N, n_u) at the samples."""
+        count, row, dt = len(theta), np.arange(len(theta))[:, None], np.diff(self.t)
+        dt = np.append(dt, dt[-1:] if len(dt) else 1.0)  # which shows what switches at the last sample
+        u, before = (np.broadcast_to(of, (count, *of.shape)) for of in (self.u, self.before))
+        found = switched(model, u, np.broadcast_to(dt, (count, len(dt))), before, theta, self.earlier)
+        ends = found.ends[:, :-1]
+        first = np.concatenate([np.zeros((count, 1), dtype=np.intp), ends + 1], axis=1)
+        late = np.arange(found.dt.shape[1]) >= first[:, -1:]
+        length = int(first.max(initial=1)) if len(self.t) > 1 else 1
+        moved = np.where(late[:, :, None], np.int32(-1), found.moved)
+        some = Switched(found.u, np.where(late, 0.0, found.dt), ends, moved, found.moved_u)
+        return some.until(length), found.u[row, first]
+
+
 def record_trajectories(
-    model: Model, theta: Array, x0: Array, t: Array, u: Array, settings: Integration
+    model: Model, theta: Array, x0: Array, held: RecordInputs, settings: Integration
 ) -> tuple[Array, Array, IntArray, IntArray]:
-    """x (B, N, n_x), y (B, N, n_y), status (B,) and last sample reached (B,) for B starts and parameter sets, at times t of f."""
+    """x (B, N, n_x), y (B, N, n_y), status (B,) and last sample reached (B,) for B starts and parameter sets."""
+    t, u = held.t, held.u
     count, samples = len(theta), len(t)
+    inputs = np.tile(u, (count, 1))
     if not model.states:
         rows = np.repeat(theta, samples, axis=0)
         none, ones = np.empty((count * samples, 0)), np.ones(count * samples)
-        _, y, ended, _ = model.kernels.simulate(model.core, none, np.tile(u, (count, 1)), ones, rows, *settings)
+        _, y, ended, _ = model.kernels.simulate(model.core, none, inputs, ones, rows, *settings)
         x, failed = np.empty((count, samples, 0)), ended.reshape(count, samples)
         status, reached = first_failure(failed), np.full(count, samples - 1)
+    elif model.delays:
+        found, at_samples = held.switched(model, theta)
+        given = model.at(x0, t[0]), found.u, found.dt
+        x, status, reached = model.kernels.simulate_runs(model.core, *given, theta, *settings)
+        x = x[np.arange(count)[:, None], np.concatenate([np.zeros_like(found.ends[:, :1]), found.ends + 1], axis=1)[:, :samples]]
+        reached, inputs = (found.ends < reached[:, None]).sum(axis=1), at_samples.reshape(len(inputs), -1)
     else:
         x, status, reached = model.kernels.simulate_runs(model.core, model.at(x0, t[0]), u[:-1], np.diff(t), theta, *settings)
+    if model.states:
         states = model.at(x, t).reshape(count * samples, -1)
-        y = model.core.output(states, np.tile(u, (count, 1)), np.repeat(theta, samples, axis=0))
+        y = model.core.output(states, inputs, np.repeat(theta, samples, axis=0))
         failed = np.zeros((count, samples), dtype=np.int32)
     y = y.reshape(count, samples, -1)
     failed[(failed == Status.ok) & ~(np.isfinite(y).all(axis=2) & np.isfinite(x).all(axis=2))] = Status.not_finite

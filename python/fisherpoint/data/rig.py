@@ -16,6 +16,7 @@ from ..models import Model
 from ..noise.draws import memories, readings
 from ..noise.models import NoiseOf, as_noise_or_zero, checked_noise
 from ..noise.sensors import Sensors
+from ..points.dead_time import inputs_before
 from ..points.rest_starts import checked_starts
 from ..points.runs import Points, as_runs
 from ..points.settings import check_rtol
@@ -112,7 +113,8 @@ class VirtualRig:
         if runs.x0.shape[1] != n_x:
             raise ValueError(f"x0: expected shape (K, {n_x}), given {runs.x0.shape}")
         x0 = checked_starts(self.model, runs, self.theta, deviation) + deviation
-        done = simulate(self.model, runs.starting(x0), self.theta, rtol=self.rtol, jumps="cross")
+        before = inputs_before(self.model, runs) if self.model.delays else None  # which a rest has, and known starts have not
+        done = simulate(self.model, runs.starting(x0, before), self.theta, rtol=self.rtol, jumps="cross")
         completed = np.arange(runs.dt.shape[1]) < done.reached[:, None]
         there = runs.measured & completed & (done.status != Status.not_finite)[:, None]
         counts = failures_of(done.status)

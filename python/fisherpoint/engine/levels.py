@@ -45,7 +45,8 @@ class Kernels(Protocol):
     ) -> tuple[Any, ...]:
         """x (K, N + 1, n_x), y, dx_dtheta and dy_dtheta (K, N, ...), status, reached; with the options `measured`,
         the flags of the ends, `s`, dx_dtheta at the starts or empty, `outputs_alone`, and `doubts`, by which entries of
-        dx_dtheta are NaN that hang on whether a jump is met before an end or behind it."""
+        dx_dtheta are NaN that hang on whether a jump is met before an end or behind it; `moved` (K, N, E) are the columns of
+        parameters that move the switch at a segment's start, -1 for none, and `moved_u` (K, N, E, n_u) the inputs before."""
 
     def predictive_covariance(
         self, model: Any, x0: Any, u: Any, dt: Any, theta: Any, nodes: _core.PriorNodes, *settings: Any, **options: Any

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -144,9 +144,7 @@ class RecordResponse:
         status = self._sense(theta, x0)
         rows = np.flatnonzero(status == Status.ok)
         if len(rows):
-            x, y[rows], status[rows], _ = record_trajectories(
-                self.model, theta[rows], x0[rows], self.record.since, self.record.u, self._settings
-            )
+            x, y[rows], status[rows], _ = record_trajectories(self.model, theta[rows], x0[rows], self.record.inputs, self._settings)
             kept = status[rows] == Status.ok
             rows, x = rows[kept], x[kept]
         if len(rows):
@@ -188,13 +186,18 @@ class RecordResponse:
             rows = slice(first, min(first + each, count))
             values, n = given[rows], rows.stop - first
             u, dt = (np.repeat(of[None], n, axis=0) for of in (self.record.u[:-1], np.diff(self.record.t)))
+            at_samples, options = np.tile(self.record.u, (n, 1)), {"s": np.empty(0), "doubts": True}
+            if model.delays:
+                found, inputs = self.record.inputs.switched(model, values)
+                u, dt, at_samples, options = found.u, found.dt, inputs.reshape(len(at_samples), -1), options | found.options()
             measured = np.zeros(dt.shape, dtype=bool)
             _, _, dx, _, status[rows], _ = model.kernels.run_sensitivities(
-                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, s=np.empty(0), doubts=True
+                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, **options
             )
+            dx = dx[np.arange(n)[:, None], found.ends] if model.delays else dx
             s = np.concatenate([np.zeros((n, 1, n_x, dx.shape[3])), dx], axis=1)[..., columns]
             s[..., self._free, len(self.columns) + np.arange(len(self.starts))] += 1.0
-            points = x[rows].reshape(-1, n_x), np.tile(self.record.u, (n, 1)), np.repeat(values, samples, axis=0)
+            points = x[rows].reshape(-1, n_x), at_samples, np.repeat(values, samples, axis=0)
             offsets = np.column_stack([points[2][:, :p], np.zeros((len(points[2]), n_x))])
             g = self._shifted.core.output_jacobian(*points[:2], offsets).reshape(n, samples, -1, p + n_x)
             doubtful = np.isnan(s)
@@ -211,11 +214,51 @@ class RecordResponse:
         """The model with offsets of all states as further parameters: by these its derivatives are those by the state."""
         return self.model.free_start(*names_of(self.model.states))
 
+    def _pieces(self, theta: Array) -> tuple[Callable[[slice], Array], Callable[..., tuple[Array, IntArray]]]:
+        """Functions of samples: the inputs there, and of the pieces from them on dx and statuses; records of a sample together."""
+        model, count = self._shifted, len(theta)
+        if not model.delays:
+            u, dt = self.record.u, np.diff(self.record.t)
+
+            def of_points(at: slice, *rows: Array) -> tuple[Array, IntArray]:
+                states, inputs, parameters = rows
+                _, _, slopes, _, ended = model.kernels.sensitivities(
+                    model.core, states, inputs, np.repeat(dt[at], count), parameters, *self._settings, whole_first=True
+                )
+                return slopes, ended
+
+            return lambda at: np.repeat(u[at], count, axis=0), of_points
+
+        # A piece is a run of as many segments as there are between the switches in it.
+        found, inputs = self.record.inputs.switched(model, theta)
+        first = np.concatenate([np.zeros_like(found.ends[:, :1]), found.ends[:, :-1] + 1], axis=1)
+
+        def of_runs(at: slice, states: Array, _: Array, parameters: Array) -> tuple[Array, IntArray]:
+            last = (found.ends - first)[:, at].T.reshape(-1)
+            lane, number = np.tile(np.arange(count), len(last) // count)[:, None], np.arange(last.max(initial=0) + 1)
+            places = np.minimum(first[:, at].T.reshape(-1, 1) + number, found.dt.shape[1] - 1)
+            dt = np.where(number <= last[:, None], found.dt[lane, places], 0.0)
+            options: dict[str, Any] = {
+                "measured": np.zeros(dt.shape, dtype=bool),
+                "s": np.empty(0),
+                "doubts": True,
+                "whole_first": True,
+            }
+            options |= found.options((lane, places))
+            _, _, dx, _, ended, _ = model.kernels.run_sensitivities(
+                model.core, states, found.u[lane, places], dt, parameters, *self._settings, **options
+            )
+            slopes = dx[np.arange(len(last)), last]
+            return slopes, np.where((ended == Status.ok) & np.isnan(slopes).any(axis=(1, 2)), np.int32(Status.on_jump), ended)
+
+        return lambda at: inputs[:, at].swapaxes(0, 1).reshape(-1, inputs.shape[2]), of_runs
+
     def _carried(self, theta: Array, x: Array) -> tuple[Array, IntArray]:
         """dy (B, N, n_y, P) along trajectories x (B, N, n_x), and statuses."""
         (count, samples, n_x), p, unknowns = x.shape, theta.shape[1], len(self.columns)
-        model, u, dt = self._shifted, self.record.u, np.diff(self.record.t)
+        model = self._shifted
         offsets = np.column_stack([theta, np.zeros((count, n_x))])
+        u, slopes_of = self._pieces(offsets)
         status = np.zeros(count, dtype=np.int32)
         dy = np.empty((count, samples, len(model.outputs), unknowns + len(self.starts)))
         s = np.zeros((count, n_x, dy.shape[3]))
@@ -226,12 +269,9 @@ class RecordResponse:
             n, pieces = at.stop - first, min(at.stop, samples - 1) - first
             # In time's order, all records of a sample together.
             states = model.at(x[:, at], self.record.since[at]).swapaxes(0, 1).reshape(n * count, -1)
-            rows = states, np.repeat(u[at], count, axis=0), np.tile(offsets, (n, 1))
+            rows = states, u(at), np.tile(offsets, (n, 1))
             g = model.core.output_jacobian(*rows).reshape(n, count, -1, p + n_x)
-            states, inputs, parameters = (of[: pieces * count] for of in rows)
-            _, _, slopes, _, ended = model.kernels.sensitivities(
-                model.core, states, inputs, np.repeat(dt[at], count), parameters, *self._settings, whole_first=True
-            )
+            slopes, ended = slopes_of(slice(first, first + pieces), *(of[: pieces * count] for of in rows))
             ended, slopes = ended.reshape(pieces, count), slopes.reshape(pieces, count, n_x, p + n_x)
             status = np.where(status == Status.ok, first_failure(ended.T), status)
             gamma, phi = slopes[..., self.columns], np.ascontiguousarray(slopes[..., p:]) + np.eye(n_x)
@@ -245,7 +285,7 @@ class RecordResponse:
                 slope = g[..., p:] @ along
             slope[..., :unknowns] += g[..., self.columns]
             dy[:, at] = slope.swapaxes(0, 1)
-        unsure = np.flatnonzero(status == Status.on_jump)
+        unsure = np.flatnonzero(status if self.model.delays else status == Status.on_jump)
         if len(unsure):
             dy[unsure], status[unsure] = self._in_one(theta[unsure], x[unsure])
         return dy, status

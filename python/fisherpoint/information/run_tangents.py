@@ -9,7 +9,7 @@ it does those of points.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..noise.common_error import CommonError
+from ..points.dead_time import dead_times, switched_runs
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
 from ..points.settings import Integration
@@ -108,6 +109,8 @@ def tangents_from(
     x, y, dx, dy, status = base.x[own], base.y[own], base.dx[own], base.dy[own], base.status[own]
     if model.latches:  # what they remember at a sample is not kept
         whole = np.ones_like(whole)
+    if model.delays:
+        whole |= (dead_times(model, values, len(runs)) < 0).any(axis=1)  # which have no trajectory
     if whole.any():
         done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)
         x[whole], y[whole], dy[whole], status[whole] = done.x, done.y, done.dy_dtheta, done.status
@@ -116,22 +119,39 @@ def tangents_from(
     rest = np.flatnonzero(~whole)
     if len(rest):
         from_segment = first[rest]
-        source = from_segment[:, None] + np.arange(n)
-        there, source = source < n, np.minimum(source, n - 1)
-        lanes = rest[:, None]
-        dt = np.where(there, runs.dt[lanes, source], 0.0)
-        measured = there & runs.measured[lanes, source]
         x0 = model.at(x[rest, from_segment], np.cumsum(runs.dt[rest], axis=1)[np.arange(len(rest)), from_segment - 1])
         s = base.dx[own[rest], from_segment - 1]
+        given, number, options = _behind(model, runs[rest], values[rest], from_segment)
         new_x, new_y, new_dx, new_dy, status[rest], _ = model.kernels.run_sensitivities(
-            model.core, x0, runs.u[lanes, source], dt, values[rest], *settings, measured=measured, s=s, outputs_alone=outputs_alone
+            model.core, x0, *given, values[rest], *settings, s=s, outputs_alone=outputs_alone, **options
         )
-        k, m = np.nonzero(there)
-        x[rest[k], source[k, m] + 1], dy[rest[k], source[k, m]] = new_x[k, m + 1], new_dy[k, m]
-        y[rest[k], source[k, m]] = new_y[k, m]
+        k, m = np.nonzero(number >= 0)
+        x[rest[k], m + 1] = new_x[k, number[k, m] + 1]
+        k, m = np.nonzero((number >= 0) & (runs.dt[rest] > 0))
+        of = number[k, m]
+        y[rest[k], m], dy[rest[k], m] = new_y[k, of], new_dy[k, of]
         if not outputs_alone:
-            dx[rest[k], source[k, m]] = new_dx[k, m]
+            dx[rest[k], m] = new_dx[k, of]
     return RunTangents(runs, values, x, y, dx, dy, status)
+
+
+def _behind(
+    model: Model, runs: Runs, theta: Array, first: NDArray[np.intp]
+) -> tuple[tuple[Array, Array], NDArray[np.intp], dict[str, Any]]:
+    """Segments u and dt of runs from `first` (K,) on, their numbers (K, N) among these, -1 before, and options of the kernel."""
+    found = switched_runs(model, runs, theta)[1] if model.delays else None
+    u, dt = (runs.u, runs.dt) if found is None else (found.u, found.dt)
+    ends = np.broadcast_to(np.arange(runs.dt.shape[1]), runs.dt.shape) if found is None else found.ends
+    row = np.arange(len(runs))[:, None]
+    begin = ends[row[:, 0], first - 1] + 1
+    number = np.where(np.arange(ends.shape[1]) < first[:, None], -1, ends - begin[:, None])
+    places = begin[:, None] + np.arange(dt.shape[1])
+    there, places = places < dt.shape[1], np.minimum(places, dt.shape[1] - 1)
+    measured = np.zeros(dt.shape, dtype=bool)
+    k, n = np.nonzero(runs.measured & (number >= 0))
+    measured[k, number[k, n]] = True
+    options = {"measured": measured} | ({} if found is None else found.options((row, places)))
+    return (u[row, places], np.where(there, dt[row, places], 0.0)), number, options
 
 
 def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:

@@ -48,6 +48,8 @@ class Model(ABC):
         The first of `domain`: divisors and the like, which may have either sign but must not change it.
     clock : sympy.Symbol or None
         The time since the start, where equations read it.
+    delays : mapping of input name to str or float
+        The dead times of inputs: the name of a parameter or a known constant, or a number, s.
     latches : int
         How many conditions equations remember, see `fisherpoint.math.latch`.
     """
@@ -66,6 +68,7 @@ class Model(ABC):
     clock: Any = None
     latches: int = 0
     along: tuple[str, ...] = ()
+    delays: Mapping[str, str | float] = FrozenMapping({})
     offsets: Mapping[str, str] = FrozenMapping({})
     nominal: Mapping[str, float] = FrozenMapping({})
 
@@ -101,6 +104,12 @@ class Model(ABC):
     def least(self) -> Mapping[str, float]:
         """The least value of each parameter that has one, such as a mass; names of parameters only."""
         return {}
+
+    @property
+    def delay_columns(self) -> Mapping[str, int]:
+        """Places, among the parameters, of the dead times that are parameters, by the delayed inputs."""
+        places = {name: i for i, name in enumerate(names_of(self.parameters))}
+        return {u: places[tau] for u, tau in self.delays.items() if isinstance(tau, str) and tau in places}
 
     @property
     def axes(self) -> tuple[Quantity, ...]:

@@ -67,6 +67,11 @@ class Dependence:
                 self._rates[name] = Equation(
                     old.states | by.states | event.states, old.parameters | by.parameters | event.parameters, frozenset()
                 )
+        for name, rate in zip(states, structure.rates, strict=True):  # by the instants in which inputs switch
+            taus = frozenset(str(tau) for u, tau in structure.equations.delays if u in read.symbols(rate))
+            if taus:
+                old = self._rates[name]
+                self._rates[name] = Equation(old.states, old.parameters | taus, frozenset())
         self._output = dict(zip(outputs, map(read, structure.output), strict=True))
         behind = {name: self._states_behind(equation.states) for name, equation in self._output.items()}
         reached = {

@@ -89,6 +89,12 @@ def _other_times(expression: Any, wanted: UnitValue, plain: Mapping[str, Unit], 
                 yield f"expected {_text(wanted)}, as time is in s, given {_shown(term)} in {_text(unit)}"
 
 
+def is_time(quantity: Quantity) -> bool:
+    """Whether a quantity is a time, or may be one."""
+    unit = stated(quantity)
+    return unit is None or _alike(unit, _SECOND)
+
+
 def stated(quantity: Quantity) -> Unit:
     """The unit of a quantity without its angle; None where it is "1", which may mean that none was given."""
     unit = _without_angle(unit_value(quantity.unit))

@@ -14,7 +14,7 @@ from sympy.core.relational import Relational
 
 from ..basics.formulas import ARGUMENTS, Formula, Reader
 from .expressions import MAX_EXPONENT, checked
-from .functions import FUNCTIONS, latch
+from .functions import FUNCTIONS, delay, latch
 from .tape.latch import as_condition, holds
 from .tape.parts import compared, exact, exact_exponent, is_number
 from .terms import Term, applied, divided
@@ -100,6 +100,8 @@ class _Equation(Reader):
                 return latch(*values)
             except ValueError as error:
                 self.formula.refuse(str(error), node)
+        if how == "delay":
+            return delay(*values)
         make = divided if how == "/" else applied
         return make(partial(self._combined, node, how), *values)
 

@@ -14,6 +14,7 @@ from sympy.logic.boolalg import BooleanFalse, BooleanFunction, BooleanTrue
 from ..basics.formulas import ARGUMENTS
 from ..basics.messages import listed, shortened, shown
 from .tape.defined import Defined
+from .tape.delay import delay_in
 from .tape.kinds import KINDS
 from .tape.latch import Latch
 from .tape.parts import cases, check_size, is_number, parts, rebuilt, replaced, symbols_of, with_exact_numbers
@@ -77,6 +78,8 @@ def checked(
 
     expression = rebuilt(expression, ours)
     for unknown in sorted(symbols_of(expression) - set(known.values()), key=str):
+        if delay_in(unknown) is not None:  # whose names the model checks
+            continue
         _known(unknown.name, symbols, place)
     expression = replaced(expression, {part: _number(part, place) for part in parts(expression) if _is_number(part)})
     expression = rebuilt(expression, lambda _, now: with_exact_numbers(now))

@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 import sympy
+from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import Boolean, BooleanAtom
 
 from ..basics.checks import as_float
 from ..basics.formulas import ARGUMENTS
 from ..basics.function_table import FUNCTIONS as ONE_ARGUMENT
 from ..basics.messages import shown
+from .tape.delay import delayed
 from .tape.latch import as_condition, latched
 from .tape.parts import check_size
 from .terms import Term, applied, as_term, chosen
@@ -48,6 +50,19 @@ def latch(on: Any, off: Any, start: Any = 0) -> Any:
     lost = tuple(part for condition in conditions if condition is not None for part in condition.lost)
     both = [condition.expression for condition in conditions if condition is not None]
     return Term(latched(both[0], both[1], int(bool(value.expression))), lost)
+
+
+def delay(u: Any, tau: Any) -> Any:
+    """An input as it was `tau` before: tau is a parameter, a known constant, or a number of seconds."""
+    terms = [as_term(given) for given in (u, tau)]
+    parts: list[Any] = [None if term is None else term.expression for term in terms]
+    parts = [sympy.Symbol(one.func.__name__) if isinstance(one, AppliedUndef) else one for one in parts]  # u(t), as SymPy has it
+    if not isinstance(parts[0], sympy.Symbol):
+        raise ValueError(f"delay: expected an input alone, as in delay(u, tau), given {shown(u)}")
+    if not isinstance(parts[1], sympy.Symbol | sympy.Number):
+        raise ValueError(f"delay: expected a parameter, a known constant or a number of seconds, given {shown(tau)}")
+    time = parts[1].name if isinstance(parts[1], sympy.Symbol) else float(parts[1])
+    return _as_given(Term(delayed(parts[0].name, time)), u, tau)
 
 
 def _term(given: Any, name: str) -> Term:
@@ -105,5 +120,6 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: _of_terms(name, one) for name, one in _OF_TERMS.items()},
     "where": where,
     "latch": latch,
+    "delay": delay,
 }
 """Functions by the name that equations use."""

@@ -13,6 +13,7 @@ from ..basics.quantity import Quantity, names_of
 from .equation_text import parse_condition, parse_equation, parse_limit
 from .expressions import checked
 from .surfaces.printing import to_text
+from .tape.delay import delay_in
 from .tape.latch import holds
 from .tape.parts import replaced, symbols_of
 from .tape.reset import Reset
@@ -75,7 +76,8 @@ def reset_of(
     """A reset of states in symbols; `moving` are the states and inputs."""
     place = f"resets.{shown(condition)}"
     when = _reset_condition(condition, symbols, place, clocks)
-    if not symbols_of(when) & (moving | set(clocks.values())):
+    read = symbols_of(when)
+    if not read & (moving | set(clocks.values())) and not any(map(delay_in, read)):
         raise ValueError(f"{place}: expected a condition of states, inputs or the time")
     return Reset(when, tuple((symbols[x], equation_of(value, symbols, f"{place}.{x}", clocks)) for x, value in values.items()))
 
@@ -107,7 +109,7 @@ def limits_of(
     for i, text in enumerate(texts):
         place = f"along[{i}]"
         conditions = parse_limit(text, symbols, place)
-        moved = [condition for condition in conditions if condition.free_symbols & moving]
+        moved = [one for one in conditions if one.free_symbols & moving or any(map(delay_in, one.free_symbols))]
         # Of max(x, v) - min(x, v) < 1, some of the cases are 0 < 1.
         if not moved or not all(condition in moved or condition.is_positive for condition in conditions):
             raise ValueError(f"{place}: expected a limit of states or inputs, given {shown(text)}")

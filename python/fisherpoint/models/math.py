@@ -18,6 +18,7 @@ __all__ = [
     "atan2",
     "cos",
     "cosh",
+    "delay",
     "exp",
     "heaviside",
     "latch",
@@ -67,6 +68,11 @@ def cos(x: Any) -> Any:
 def cosh(x: Any) -> Any:
     """Hyperbolic cosine."""
     return _FUNCTIONS["cosh"](x)
+
+
+def delay(u: Any, tau: Any) -> Any:
+    """The input u as it was the dead time tau before: a parameter, a known constant, or a number, s."""
+    return _FUNCTIONS["delay"](u, tau)
 
 
 def exp(x: Any) -> Any:

@@ -19,8 +19,9 @@ from ..engine import _core
 from ..engine.levels import Kernels
 from .clock import clock_names, clock_quantity
 from .compiled import CompiledCore, compiled_model
+from .delays import with_delays, without_delays
 from .dependence import Dependence
-from .dimensions import mistakes_in_units, plain_rate_of, rate_of, stated
+from .dimensions import is_time, mistakes_in_units, plain_rate_of, rate_of, stated
 from .expressions import symbol
 from .given_equations import (
     check_count,
@@ -132,9 +133,13 @@ class SymbolicModel(DescribedModel):
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         values = {symbols[n]: v for n, v in self.constants.items()}
-        self.equations = Equations(
+        self._written = Equations(
             tuple(rates), tuple(output), tuple(conditions), **of, constants=values, along=limits_along, resets=anew
         )
+        delays, self.equations = without_delays(
+            self._written, [f"equations.{q.name}" for q in self.states] + [*map(self._place_of, self.outputs)]
+        )
+        self.delays = FrozenMapping(delays)
         self.texts = tuple(
             tuple(e if isinstance(e, str) else to_text(new) for e, new in zip(given, news, strict=True))
             for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
@@ -178,7 +183,9 @@ class SymbolicModel(DescribedModel):
         conditions = [*((f"domain[{i}]", one) for i, one in enumerate(equations.conditions)), *equations.along]
         rates = {f"equations.{q.name}": plain_rate_of(q) for q in states}
         clock = [] if self.clock is None else [clock_quantity(self.clock.name)]
-        return tuple(mistakes_in_units(both, conditions, rates, (*(q for of in self._quantities() for q in of), *clock)))
+        found = mistakes_in_units(both, conditions, rates, (*(q for of in self._quantities() for q in of), *clock))
+        times = [q for q in (*self.parameters, *self.constant_quantities) if q.name in self.delays.values()]
+        return (*found, *(f"{q.name} in {q.unit}, which is no time, is a dead time" for q in times if not is_time(q)))
 
     def warn_of_units(self, stacklevel: int = 2) -> None:
         """Warn of `mistakes_in_units`, where there are any."""
@@ -301,6 +308,7 @@ class SymbolicModel(DescribedModel):
         """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0."""
         offsets = start_offsets(self, names)
         shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
+        shift |= with_delays(self.delays, self.equations.inputs)
         given = (self.equations.rates, self.equations.output, self.equations.conditions)
         equations = [[replaced(expression, shift) for expression in of] for of in given]
         moved = dict(zip(names, offsets, strict=True))
@@ -395,16 +403,21 @@ class SymbolicModel(DescribedModel):
         """Zero for every parameter that alone is a limit of the domain."""
         own = {symbol(q.name): q.name for q in self.parameters}
         limits = (limit.expression for limit in self.structure.of_parameters if not limit.pole)
-        return FrozenMapping({own[expression]: 0.0 for expression in limits if expression in own})
+        positive = {own[expression]: 0.0 for expression in limits if expression in own}
+        return FrozenMapping(positive | {self.parameters[j].name: 0.0 for j in self.delay_columns.values()})
 
     def _check_theta(self, rows: Array) -> None:
         self.structure.check_theta(rows)
+        for j in self.delay_columns.values():
+            if not (given := rows[:, j].min(initial=0.0)) >= 0:
+                raise ValueError(f"{self.parameters[j].name}: expected a dead time of at least 0 s, given {given:g}")
 
     def _identity(self) -> Hashable:
         equations = self.equations
         described = (self.outputs, tuple(self.constants.items()), frozenset(self.nominal.items()))
         conditions = equations.conditions, equations.along, equations.resets
-        return (self.name, equations.rates, equations.output, *conditions, *self._quantities(), *described)
+        delays = frozenset(self.delays.items())
+        return (self.name, delays, equations.rates, equations.output, *conditions, *self._quantities(), *described)
 
     def __reduce__(self) -> tuple[Any, ...]:
         f, g, _ = self.texts
@@ -417,7 +430,7 @@ class SymbolicModel(DescribedModel):
         return model_text(self, rates, output, self.reset_texts)
 
     def _repr_latex_(self) -> str:
-        return latex(self.equations, names_of(self.outputs))
+        return latex(self._written, names_of(self.outputs))
 
 
 def _compiled_again(made: Callable[..., SymbolicModel], given: Sequence[Any], key: str) -> SymbolicModel:

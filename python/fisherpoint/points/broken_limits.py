@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..basics.checks import check_type
 from ..basics.values import Array, IntArray
 from ..models import Model
-from .run_trajectories import checked_run_trajectories
+from .dead_time import switched_runs
+from .run_trajectories import plain_trajectories
 from .runs import Points, Runs, as_runs
 from .settings import Integration, checked_arguments
 from .status import NoTrajectory, Status
@@ -53,7 +54,9 @@ def checked_broken_limits(
     model: Model, runs: Runs, theta: Array, settings: Integration, named: Model | None = None
 ) -> tuple[str | None, ...]:
     """Return what `broken_limits` does, for checked arguments; `named` has the same limits and names them."""
-    done = checked_run_trajectories(model, runs, theta, settings)
+    if model.delays and runs.points is None:
+        runs = switched_runs(model, runs, theta)[0]
+    done = plain_trajectories(model, runs, theta, settings)
     status, rows = done.status, np.flatnonzero(done.status == Status.left_domain)
     n = np.minimum(done.reached[rows], runs.dt.shape[1] - 1)
     given, since = (done.x[rows, n], runs.u[rows, n], runs.dt[rows, n]), runs.t[rows, n] - runs.dt[rows, n]

@@ -29,6 +29,9 @@ TIMES = "t", "time", "time_of_sample"
 HOLD, SOLVE = "rest_hold", "rest_solve"
 """Columns that name the states that rest where x0 says, and the inputs that keep the plant there; `rest_y_q` has the output q."""
 
+BEFORE = "before"
+"""What columns of inputs before the start begin with: `before_u` has the input u."""
+
 NOTHING: Mapping[str, Any] = FrozenMapping({})
 
 
@@ -40,6 +43,7 @@ class RunArrays(Protocol):
     dt: Array
     measured: NDArray[np.bool_]
     rests: Rests | None
+    before: Array | None
     columns: tuple[str, ...] | None
 
 
@@ -67,6 +71,10 @@ def runs_csv(
         header = (*header, *rest_columns(inputs, given))
         for row, run, segment in zip(rows, k.tolist(), n.tolist(), strict=True):
             row += _rest_cells(rests[run] if segment == 0 else None, inputs, given)
+    if runs.before is not None:
+        header = (*header, *(f"{BEFORE}_{name}" for name in names[n_x:]))
+        for row, run, segment in zip(rows, k.tolist(), n.tolist(), strict=True):
+            row += runs.before[run].tolist() if segment == 0 else [np.nan] * n_u
     header = (*header, *outputs, *labels)
     rows = [
         [*row, *further, *(of[run] for of in labels.values())] for row, further, run in zip(rows, behind, k.tolist(), strict=True)
@@ -98,12 +106,33 @@ def _rest_cells(rest: Rest | None, inputs: Sequence[str], outputs: Sequence[str]
     return cells
 
 
-def read_runs(path: str | Path, model: Model) -> tuple[Array, Array, Array, NDArray[np.bool_], list[Rest | None] | None]:
-    """x0, u, dt, measured and rest of the runs in a file; see `Runs.from_csv`."""
+def read_runs(
+    path: str | Path, model: Model
+) -> tuple[Array, Array, Array, NDArray[np.bool_], list[Rest | None] | None, Array | None]:
+    """x0, u, dt, measured, rest and inputs before the start of the runs in a file; see `Runs.from_csv`."""
     table = DataTable(as_path(path, "path"))
-    further = rest_columns_of(table, model)
-    parts = runs_of_table(table, model, further)
-    return *parts, rest_of_table(table, model) if further else None
+    further, before = rest_columns_of(table, model), before_columns_of(table, model)
+    parts = runs_of_table(table, model, (*further, *before))
+    return *parts, rest_of_table(table, model) if further else None, before_of_table(table, model)
+
+
+def before_columns_of(table: DataTable, model: Model) -> tuple[str, ...]:
+    """The columns in which a table has the inputs before the starts of runs; none where it does not."""
+    columns = tuple(f"{BEFORE}_{name}" for name in names_of(model.inputs))
+    given = [name for name in columns if name in table and name not in columns_of(model)]
+    for missing in (name for name in columns if given and name not in table):
+        raise ValueError(f"{table.path}: expected the column {missing} beside {given[0]}, given none")
+    return columns if given else ()
+
+
+def before_of_table(table: DataTable, model: Model) -> Array | None:
+    """The inputs before the starts of runs (K, n_u), from a table whose runs are known to be in order."""
+    columns, first = before_columns_of(table, model), np.diff(table.complete(RUN), prepend=0.0) != 0
+    each = [table.numbers(name, q.unit) for name, q in zip(columns, model.inputs, strict=False)]
+    for name, values in zip(columns, each, strict=True):
+        table.refuse(~np.isnan(values) & ~first, name, "nothing behind the first row of a run")
+        table.refuse(np.isnan(values) & first & ~np.isnan(each[0]), name, "the input before the start, as of the others")
+    return np.column_stack(each)[first] if each else None
 
 
 def rest_columns_of(table: DataTable, model: Model) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
+from .dead_time import Switched, folded, switched_runs
 from .experiments import Experiments
 from .rest_starts import RunStarts, starts_of
 from .runs import Runs
@@ -39,12 +40,20 @@ def _completed(status: IntArray) -> IntArray:
 
 def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Integration) -> Trajectories:
     """Trajectories of runs."""
+    if model.delays and runs.points is None:
+        parts, found = switched_runs(model, runs, theta)
+        return folded(model, runs, theta, found, plain_trajectories(model, parts, theta, settings))
+    return plain_trajectories(model, runs, theta, settings)
+
+
+def plain_trajectories(model: Model, runs: Runs, theta: Array, settings: Integration) -> Trajectories:
+    """Trajectories of runs whose inputs switch at the ends of segments, whatever dead times the model has."""
     points, (count, segments) = runs.points, runs.dt.shape
     if points is not None:
         end, y, status, _ = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *settings)
         return Trajectories(np.stack([points.x0, end], axis=1), y[:, None], status, _completed(status))
     if not model.states:
-        return _of_segments(runs, checked_run_trajectories(model, *_separate(runs, theta), settings))
+        return _of_segments(runs, plain_trajectories(model, *_separate(runs, theta), settings))
     start = starts_of(model, runs, theta, tangents=False)
     rows, values = _resting(start.status, theta)
     given = start.x0[rows], runs.u[rows], runs.dt[rows], values
@@ -64,18 +73,34 @@ def checked_run_sensitivities(
 
     With `states_later` points are without dx_dtheta where that takes less time, and have the statuses of those that have one.
     """
-    points = runs.points
+    if model.delays and runs.points is None:
+        parts, found = switched_runs(model, runs, theta)
+        return folded(model, runs, theta, found, _run_sensitivities(model, parts, theta, settings, outputs_alone, moved=found))
+    return _run_sensitivities(model, runs, theta, settings, outputs_alone, states_later)
+
+
+def _run_sensitivities(
+    model: Model,
+    runs: Runs,
+    theta: Array,
+    settings: Integration,
+    outputs_alone: bool,
+    states_later: bool = False,
+    moved: Switched | None = None,
+) -> Sensitivities:
+    points = None if moved else runs.points
     if points is not None:
         done = checked_sensitivities(model, points, theta, settings, outputs_alone, states_later)
         x = np.stack([points.x0, done.x], axis=1)
         return done._replace(x=x, y=done.y[:, None], dx_dtheta=done.dx_dtheta[:, None], dy_dtheta=done.dy_dtheta[:, None])
     if not model.states:
-        return _of_segments(runs, checked_run_sensitivities(model, *_separate(runs, theta), settings))
+        return _of_segments(runs, _run_sensitivities(model, *_separate(runs, theta), settings, outputs_alone))
     start = starts_of(model, runs, theta)
     rows, values = _resting(start.status, theta)
     s = start.s[rows] if start.s.size else start.s
     compute = _by_kernel if runs.rests is None or not runs.controlled.any() else _from_controlled
-    x, y, dx, dy, status, reached = compute(model, runs[rows], start.x0[rows], s, values, settings, outputs_alone)
+    options: dict[str, Any] = {"s": s, "outputs_alone": outputs_alone} | (moved.options(rows) if moved else {})
+    x, y, dx, dy, status, reached = compute(model, runs[rows], start.x0[rows], values, settings, **options)
     x, status, reached, y, dy = _whole(start, rows, runs.dt.shape[1], x, status, reached, y, dy)
     dx = dx if outputs_alone else _spread(dx, rows, len(runs))
     return Sensitivities(x, y, dx, dy, status, reached)
@@ -104,16 +129,14 @@ def _of_segments(runs: Runs, apart: _Result) -> _Result:
     )
 
 
-def _by_kernel(
-    model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Integration, outputs_alone: bool
-) -> tuple[Any, ...]:
-    """x, y, dx, dy, status and reached of runs from known starts x0, which move with theta by s."""
-    options = {"measured": runs.measured, "s": s, "outputs_alone": outputs_alone}
+def _by_kernel(model: Model, runs: Runs, x0: Array, theta: Array, settings: Integration, **options: Any) -> tuple[Any, ...]:
+    """x, y, dx, dy, status and reached of runs from known starts x0, which move with theta by the option s."""
+    options["measured"] = runs.measured
     return tuple(model.kernels.run_sensitivities(model.core, x0, runs.u, runs.dt, theta, *settings, **options))
 
 
 def _from_controlled(
-    model: Model, runs: Runs, x0: Array, s: Array, theta: Array, settings: Integration, outputs_alone: bool
+    model: Model, runs: Runs, x0: Array, theta: Array, settings: Integration, *, s: Array, outputs_alone: bool, **moved: Any
 ) -> tuple[Any, ...]:
     """Sensitivities where a controller makes starts depend on parameters that the states do not depend on, as a valve's on leakage.
 
@@ -128,7 +151,8 @@ def _from_controlled(
     free = np.zeros((len(runs), len(names)))
     values = np.column_stack([np.broadcast_to(theta, (len(runs), p)), free])
     left = np.concatenate([left, np.zeros((*s.shape[:2], len(names)))], axis=2)
-    x, y, dx, dy, status, reached = _by_kernel(_freed(model, names), runs, x0, left, values, settings, outputs_alone)
+    options = {"s": left, "outputs_alone": outputs_alone} | moved
+    x, y, dx, dy, status, reached = _by_kernel(_freed(model, names), runs, x0, values, settings, **options)
     dy = dy[..., :p] + dy[..., p:] @ by[:, None]
     if not outputs_alone:
         dx = dx[..., :p] + dx[..., p:] @ by[:, None]

@@ -39,6 +39,9 @@ class Runs(InNotebooks):
         Segments at whose ends the outputs are measured. Default: all.
     rest : Rest, or a sequence of K, optional
         Starts that are found where the plant is at rest, by parameters; x0 is the guess then. None stands for a run that is not.
+    before : array_like, (K, n_u), or (n_u,) for all runs, optional
+        Inputs before the start, SI units, which equations with a dead time still read at first: see `fisherpoint.math.delay`. A row
+        of NaN stands for the default: those of the rest of a run that starts at rest, else those of the first segment.
     columns : tuple of str, optional
         Names of the states and inputs, for files; the model's, where the runs come from one.
 
@@ -60,6 +63,7 @@ class Runs(InNotebooks):
         measured: ArrayLike | None = None,
         *,
         rest: Rest | Sequence[Rest | None] | None = None,
+        before: ArrayLike | None = None,
         columns: tuple[str, ...] | None = None,
     ) -> None:
         self.x0, self.u = as_floats(x0, "x0"), as_floats(u, "u")
@@ -78,6 +82,7 @@ class Runs(InNotebooks):
         _check(self.dt, self.measured)
         self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[2])
         self.rests = as_rests(rest, count)
+        self.before = _inputs_before(before, (count, self.u.shape[2]))
         self._keep()
 
     @classmethod
@@ -105,25 +110,34 @@ class Runs(InNotebooks):
             np.concatenate([padded(part.measured, "zero") for part in parts]),
             parts[0].columns,
             joined_rests([(part.rests, len(part)) for part in parts]),
+            None if all(part.before is None for part in parts) else np.concatenate([part._before for part in parts]),
         )
 
     @classmethod
     def _of(
-        cls, x0: Array, u: Array, dt: Array, measured: Flags, columns: tuple[str, ...] | None, rests: Rests | None = None
+        cls,
+        x0: Array,
+        u: Array,
+        dt: Array,
+        measured: Flags,
+        columns: tuple[str, ...] | None,
+        rests: Rests | None = None,
+        before: Array | None = None,
     ) -> Runs:
         """Runs whose parts are known to be valid."""
         runs = cls.__new__(cls)
-        runs.x0, runs.u, runs.dt, runs.measured, runs.columns, runs.rests = x0, u, dt, measured, columns, rests
+        runs.x0, runs.u, runs.dt, runs.measured, runs.columns, runs.rests, runs.before = x0, u, dt, measured, columns, rests, before
         runs._keep()
         return runs
 
     def _keep(self) -> None:
-        for array in (self.x0, self.u, self.dt, self.measured, *(() if self.rests is None else (self.rests,))):
-            array.flags.writeable = False
+        for array in (self.x0, self.u, self.dt, self.measured, self.rests, self.before):
+            if array is not None:
+                array.flags.writeable = False
 
     def _arguments(self) -> dict[str, Any]:
         rest = None if self.rests is None else tuple(self.rests)
-        return {name: getattr(self, name) for name in ("x0", "u", "dt", "measured", "columns")} | {"rest": rest}
+        return {name: getattr(self, name) for name in ("x0", "u", "dt", "measured", "before", "columns")} | {"rest": rest}
 
     def __len__(self) -> int:
         return len(self.x0)
@@ -132,7 +146,8 @@ class Runs(InNotebooks):
         rows = as_index(index, len(self), "runs")
         try:
             rests = None if self.rests is None else any_rests(self.rests[rows])
-            return Runs._of(self.x0[rows], self.u[rows], self.dt[rows], self.measured[rows], self.columns, rests)
+            before = None if self.before is None else self.before[rows]
+            return Runs._of(self.x0[rows], self.u[rows], self.dt[rows], self.measured[rows], self.columns, rests, before)
         except IndexError as error:
             raise IndexError(f"runs: expected indices below {len(self)}, or as many flags; given {shown(index)}") from error
 
@@ -149,7 +164,7 @@ class Runs(InNotebooks):
     __hash__ = None  # type: ignore[assignment]  # arrays
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Runs._of, (self.x0, self.u, self.dt, self.measured, self.columns, self.rests)
+        return Runs._of, (self.x0, self.u, self.dt, self.measured, self.columns, self.rests, self.before)
 
     def __repr__(self) -> str:
         lengths = np.unique(self.segments)
@@ -173,6 +188,10 @@ class Runs(InNotebooks):
     def rest(self) -> tuple[Rest | None, ...]:
         """For each run how it starts at rest; None where it starts as x0 says."""
         return (None,) * len(self) if self.rests is None else tuple(self.rests)
+
+    @property
+    def _before(self) -> Array:
+        return np.full((len(self), self.u.shape[2]), np.nan) if self.before is None else self.before
 
     @property
     def controlled(self) -> Flags:
@@ -201,7 +220,7 @@ class Runs(InNotebooks):
         and nothing behind the last segment.
         """
         n = int(np.count_nonzero(self.dt[run])) if segments is None else segments
-        held = (np.ravel(part) + 0.0 for part in (self.x0[run], self.u[run, :n], self.dt[run, :n]))
+        held = (np.ravel(part) + 0.0 for part in (self.x0[run], self.u[run, :n], self.dt[run, :n], self._before[run]))
         return n, *(part.tobytes() for part in held), None if self.rests is None else self.rests[run]
 
     def distinct(self, *, sampled_alike: bool = True) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -215,6 +234,7 @@ class Runs(InNotebooks):
         there = self.dt > 0
         parts = [self.x0, np.where(there[:, :, None], self.u, 0.0).reshape(len(self), -1), self.dt]
         parts += [self.measured] if sampled_alike else []
+        parts += [] if self.before is None else [np.where(np.isnan(self.before), np.inf, self.before)]
         if self.rests is not None:
             numbers: dict[Rest | None, int] = {}
             parts.append(np.array([[numbers.setdefault(one, len(numbers))] for one in self.rests]))
@@ -235,6 +255,8 @@ class Runs(InNotebooks):
         if self.rests is not None or other.rests is not None:
             rests = np.full(len(other), None) if other.rests is None else other.rests
             away |= [a is not b and a != b for a, b in zip(self.rest, rests[own], strict=True)]
+        if self.before is not None or other.before is not None:
+            away |= ~np.isclose(self._before, other._before[own], rtol=0.0, atol=0.0, equal_nan=True).all(axis=1)
         return np.where(away, 0, first)
 
     def ending(self, samples: Flags) -> Runs:
@@ -242,27 +264,28 @@ class Runs(InNotebooks):
         needed = np.maximum.accumulate(samples[:, ::-1], axis=1)[:, ::-1]
         longest = slice(int(needed.sum(axis=1).max(initial=0)))
         parts = self.u[:, longest], np.where(needed, self.dt, 0.0)[:, longest], samples[:, longest]
-        return Runs._of(self.x0, *parts, self.columns, self.rests)
+        return Runs._of(self.x0, *parts, self.columns, self.rests, self.before)
 
-    def starting(self, x0: Array) -> Runs:
-        """Return these runs with known starts (K, n_x), none of which has to be found."""
-        return Runs._of(x0, self.u, self.dt, self.measured, self.columns)
+    def starting(self, x0: Array, before: Array | None = None) -> Runs:
+        """Return these runs with known starts (K, n_x), none of which has to be found, and inputs before them (K, n_u)."""
+        return Runs._of(x0, self.u, self.dt, self.measured, self.columns, None, self.before if before is None else before)
 
     def divided(self, at: ArrayLike) -> Runs:
         """Return these runs with every segment divided at shares of its duration; the last one is 1, its part ends as before."""
         parts = np.diff(np.asarray(at), prepend=0.0)
         dt, ends = (self.dt[:, :, None] * parts).reshape(len(self.dt), -1), np.zeros((*self.dt.shape, len(parts)), dtype=bool)
         ends[:, :, -1] = self.measured
-        return Runs._of(self.x0, np.repeat(self.u, len(parts), axis=1), dt, ends.reshape(dt.shape), self.columns, self.rests)
+        u, measured = np.repeat(self.u, len(parts), axis=1), ends.reshape(dt.shape)
+        return Runs._of(self.x0, u, dt, measured, self.columns, self.rests, self.before)
 
     def measuring(self, flags: Flags) -> Runs:
         """Return these runs with other segments (K, N) measured at their ends."""
-        return Runs._of(self.x0, self.u, self.dt, flags & (self.dt > 0), self.columns, self.rests)
+        return Runs._of(self.x0, self.u, self.dt, flags & (self.dt > 0), self.columns, self.rests, self.before)
 
     @property
     def points(self) -> Experiments | None:
         """The runs as experiment points; None where one has more than a segment, or starts at rest."""
-        return self.starts if self.dt.shape[1] == 1 and self.rests is None else None
+        return self.starts if self.dt.shape[1] == 1 and self.rests is None and self.before is None else None
 
     def to_csv(self, path: str | Path, model: Model | None = None) -> None:
         """Write one row per segment: run, segment, the start in the run's first row, the inputs, dt, and measured (1 or 0).
@@ -270,6 +293,7 @@ class Runs(InNotebooks):
         Where runs start at rest, their first rows say so: the column rest names the states ("all", or several with blanks
         between), and rest_u, of an input u, has the held input. The states then are the guess. Where a controller holds runs there,
         rest_hold and rest_solve name states and inputs as `Rest` has them, and rest_y_q has the output q.
+        Inputs before the start stand in before_u, of an input u, where they are given.
         Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
         """
         write_whole(path, runs_csv(self, model))
@@ -287,8 +311,8 @@ class Runs(InNotebooks):
             message names row and column.
         """
         check_type(model, Model, "model")
-        *parts, rest = read_runs(path, model)
-        return cls(*parts, rest=rest, columns=columns_of(model))
+        *parts, rest, before = read_runs(path, model)
+        return cls(*parts, rest=rest, before=before, columns=columns_of(model))
 
 
 Points: TypeAlias = Experiments | Runs
@@ -330,6 +354,21 @@ def as_flags(measured: ArrayLike | None) -> Flags:
     if flags.dtype != np.bool_:
         raise ValueError(f"measured: expected flags, given {shown(measured)}")
     return flags
+
+
+def _inputs_before(given: ArrayLike | None, shape: tuple[int, int]) -> Array | None:
+    """The inputs before each run; NaN where the default counts, None where it does in all."""
+    if given is None:
+        return None
+    try:
+        before = np.asarray(given, dtype=np.float64)
+        before = np.array(np.broadcast_to(before, shape)) if before.ndim else np.empty(0)
+    except (TypeError, ValueError):
+        before = np.empty(0)
+    missing = np.isnan(before)
+    if before.shape != shape or np.isinf(before).any() or (missing.any(axis=1) & ~missing.all(axis=1)).any():
+        raise ValueError(f"before: expected finite inputs of shape {shape}, or rows of NaN, given {shown(given)}")
+    return None if missing.all() else before
 
 
 def _of_segments(array: NDArray[Any], shape: tuple[int, int], name: str) -> NDArray[Any]:

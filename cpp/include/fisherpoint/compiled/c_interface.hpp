@@ -6,7 +6,7 @@
 
 extern "C" {
 
-enum : std::int32_t { fisherpoint_interface_version = 5 };
+enum : std::int32_t { fisherpoint_interface_version = 6 };
 enum { fisherpoint_reason_size = 200 };
 enum FisherpointOutcome : std::int32_t { fisherpoint_done, fisherpoint_stopped, fisherpoint_out_of_memory, fisherpoint_failed };
 
@@ -39,11 +39,12 @@ using FisherpointSensitivities = FisherpointOutcome(const FisherpointRequest*, d
 // x0 is of `count` runs; u and dt are of their segments, or of those that all share.
 using FisherpointSimulateRuns = FisherpointOutcome(const FisherpointRequest*, std::int64_t segments, std::int32_t shared,
                                                    double* x, std::int32_t* status, std::int64_t* reached);
-// s and dx_dtheta may be null.
+// s, dx_dtheta and what is moved may be null; `moved_each` columns and inputs of every segment (moved_switches.hpp).
 using FisherpointRunSensitivities = FisherpointOutcome(const FisherpointRequest*, std::int64_t segments, std::int32_t shared,
-                                                       const double* s, const unsigned char* measured, double* x, double* y,
-                                                       double* dx_dtheta, double* dy_dtheta, std::int32_t* status,
-                                                       std::int64_t* reached);
+                                                       const double* s, const unsigned char* measured, std::int64_t moved_each,
+                                                       const std::int32_t* moved_column, const double* moved_u,
+                                                       std::int32_t doubts, double* x, double* y, double* dx_dtheta,
+                                                       double* dy_dtheta, std::int32_t* status, std::int64_t* reached);
 using FisherpointPredictiveCovariance = FisherpointOutcome(const FisherpointRequest*, const FisherpointNodes*, double max_lost,
                                                            double* covariance, std::int32_t* status, std::int64_t* redone,
                                                            double* lost, double* y);

@@ -120,13 +120,15 @@ FisherpointOutcome simulate_runs_request(const FisherpointRequest* request, std:
 
 template <class M>
 FisherpointOutcome run_sensitivities_request(const FisherpointRequest* request, std::int64_t segments, std::int32_t shared,
-                                             const double* s, const unsigned char* measured, double* x, double* y,
-                                             double* dx_dtheta, double* dy_dtheta, std::int32_t* status,
+                                             const double* s, const unsigned char* measured, std::int64_t moved_each,
+                                             const std::int32_t* moved_column, const double* moved_u, std::int32_t doubts,
+                                             double* x, double* y, double* dx_dtheta, double* dy_dtheta, std::int32_t* status,
                                              std::int64_t* reached) {
   return outcome_of(*request, [&] {
     const Request r(*request);
+    const RunStart start{s, measured, {static_cast<std::size_t>(moved_each), moved_column, moved_u}, doubts != 0};
     with_method<M>(r.tolerance.method, [&]<class Method>() {
-      run_sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.runs(segments, shared), {s, measured}, r.parameters, r.tolerance,
+      run_sensitivity_packs<Pack<native_lanes>, Method>(M{}, r.runs(segments, shared), start, r.parameters, r.tolerance,
                                                         r.workers, {x, y, dx_dtheta, dy_dtheta, statuses(status), reached});
     });
   });

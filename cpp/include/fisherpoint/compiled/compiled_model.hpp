@@ -101,8 +101,9 @@ inline void run_sensitivities(const CompiledModel& model, const Runs& runs, cons
                               const Tolerance& tolerance, const Workers& workers, const SensitiveRuns& out) {
   detail::ask(model.kernels().run_sensitivities, Points{runs.count, runs.x0, runs.u, runs.dt}, parameters.theta,
               parameters.per_point, tolerance, workers, static_cast<std::int64_t>(runs.segments),
-              static_cast<std::int32_t>(runs.shared), start.s, start.measured, out.x, out.y, out.dx_dtheta, out.dy_dtheta,
-              detail::plain(out.status), out.reached);
+              static_cast<std::int32_t>(runs.shared), start.s, start.measured, static_cast<std::int64_t>(start.moved.each),
+              start.moved.column, start.moved.u, static_cast<std::int32_t>(start.doubts), out.x, out.y, out.dx_dtheta,
+              out.dy_dtheta, detail::plain(out.status), out.reached);
 }
 
 inline void predictive_covariance(const CompiledModel& model, const Points& points, const double* nominal_theta,

@@ -89,8 +89,9 @@ class Integrator {
   ShelfVector<P>& held() { return held_; }
   const ShelfVector<SetAnew>& resets() const { return resets_; }
   const ShelfVector<Held>& holds() const { return holds_; }
-  // The sides on which such a run begins if it is on every jump that is `met`, 1 there and 0 elsewhere.
-  Side sides_from(const State& y, const P& duration, const Side& from, const Side& met, Mask& stopped);
+  // The sides on which such a run begins if it is on every jump that is `met`, 1 there and 0 elsewhere; y as what is set anew
+  // at once leaves it.
+  Side sides_from(State y, const P& duration, const Side& from, const Side& met, Mask& stopped, State* start = nullptr);
 
  private:
   // Where it starts: start.hpp.

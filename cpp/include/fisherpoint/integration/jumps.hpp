@@ -26,12 +26,12 @@ void Integrator<Equation, Method>::see_slides() {
 }
 
 template <class Equation, class Method>
-auto Integrator<Equation, Method>::sides_from(const State& y, const P& duration, const Side& from, const Side& met,
-                                              Mask& stopped) -> Side {
+auto Integrator<Equation, Method>::sides_from(State y, const P& duration, const Side& from, const Side& met, Mask& stopped,
+                                              State* start) -> Side {
   from_ = &from;
   met_ = &met;
-  State start = y;
-  begin(start, duration, duration);
+  begin(y, duration, duration);
+  if (start) *start = y;
   stopped = (duration > P(0.0)) & !running_;
   return side_;
 }

@@ -62,6 +62,34 @@ class Tangents {
     }
   }
 
+  // Where the input switches at the start, in an instant that parameter j moves: f_before is added to its column, and once what
+  // is met or set anew in that instant is behind, f on these sides is taken off.
+  void add_rate(int lane, int j, const double* before) {
+    for_each_row(j, [&](int i, int at) {
+      P& entry = s[f_.dependence.column_start[j] + at];
+      lanes_of<P>::set(entry, lane, lanes_of<P>::get(entry, lane) + before[i]);
+    });
+  }
+  template <class Columns>
+  [[gnu::noinline]] void take_off_rates(const Side& side, const Columns& columns_of, int used) {
+    State rate;
+    fit(rate, f_.states);
+    rates(x, side, rate);
+    for (int lane = 0; lane < used; ++lane)
+      for (const int j : columns_of(lane)) {
+        if (j < 0) continue;
+        double size = 0.0;
+        for_each_row(j, [&](int i, int at) {
+          P& entry = s[f_.dependence.column_start[j] + at];
+          const double left = lanes_of<P>::get(entry, lane) - lanes_of<P>::get(rate[i], lane);
+          lanes_of<P>::set(entry, lane, left);
+          size += left * f_.inverse_scale(i) * left * f_.inverse_scale(i);
+        });
+        P& largest = squared_column_size_[j];
+        lanes_of<P>::set(largest, lane, std::max(lanes_of<P>::get(largest, lane), size));
+      }
+  }
+
   // The largest estimated error: of x in units of the states' scales, of every column in units of its own size. Against the
   // size of the outputs, columns of weak parameters would be integrated without any control. NaN where anything is.
   // By the coarse solution the error of a column is not below what step_control.hpp says of `least_error`.

@@ -7,6 +7,7 @@
 
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/integration/tangents.hpp"
+#include "fisherpoint/kernels/moved_switches.hpp"
 #include "fisherpoint/kernels/point_paths.hpp"
 #include "fisherpoint/kernels/points.hpp"
 #include "fisherpoint/kernels/segment_ends.hpp"
@@ -20,6 +21,7 @@ struct Carried {
   unsigned char* stiff;           // (count,), whether it is implicit, and is so next
   const unsigned char* measured;  // (count,), whether the derivative at the end is asked for
   SegmentEnd* const* ends;        // (count,), of models with jumps
+  MovedStarts moved = {};
 };
 
 // Where S has no value on the side on which a trajectory starts off a jump: unless h stays zero there whatever theta, a part of
@@ -38,7 +40,8 @@ template <class M, class P>
       P by_theta = h.by_theta[j], parts = abs(by_theta);
       for (int i = 0; carried && i < n_x; ++i) {
         P s(0.0);
-        for (int lane = 0; lane < pack.used; ++lane) lanes_of<P>::set(s, lane, carried->s[(rows[lane] * n_x + i) * p + j]);
+        for (int lane = 0; lane < pack.used; ++lane)
+          lanes_of<P>::set(s, lane, carried->s[(rows[lane] * n_x + i) * p + j] + carried->moved.of(rows[lane], j, i, n_x));
         by_theta += h.by_state[i] * s;
         parts += abs(h.by_state[i] * s);
       }

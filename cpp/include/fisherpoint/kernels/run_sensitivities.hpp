@@ -29,6 +29,7 @@ struct SensitiveRuns {
 struct RunStart {
   const double* s;                // (count, n_x, p), dx/dtheta; none for zero
   const unsigned char* measured;  // (count, segments), at which ends a derivative must exist
+  MovedSwitches moved = {};
   bool doubts = false;  // entries of dx_dtheta that hang on whether a jump comes before a segment's end or behind it are NaN
 };
 
@@ -56,7 +57,8 @@ class RunTeam {
     if (segment_.empty()) begin(shape, runs, start, parameters, out);
     const Points points{segment_.size(), x0_.data(), u_.data(), dt_.data()};
     const Parameters of_pieces{theta_.data(), true};
-    const Carried carried{s_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data()};
+    const MovedStarts moved{start.moved.each, moved_by_.data(), rate_.data()};
+    const Carried carried{s_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data(), moved};
     const SensitiveTrajectories reached{x_.data(), y_.data(), s_after_.data(), dy_.data(), status_.data()};
     const auto leave = std::chrono::steady_clock::now() + stay;
     while (!done() && std::chrono::steady_clock::now() < leave) {
@@ -64,6 +66,7 @@ class RunTeam {
       const std::vector<std::size_t> begun(starting_.begin(), starting_.begin() + beginning);
       starting_.erase(starting_.begin(), starting_.begin() + beginning);
       for (const std::size_t i : begun) begin_piece(shape, runs, start, i, out);
+      if (moved.each > 0) come_to_switches<P, Method>(model, points, of_pieces, tolerance, begun, start.moved, runs.segments);
       in_packs(Workers(1), begun, width,
                [&](auto rows) { find_paths<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached); });
       waiting_.insert(waiting_.end(), begun.begin(), begun.end());
@@ -98,6 +101,8 @@ class RunTeam {
     measured_.assign(count, 0);
     status_.assign(count, Status::ok);
     end_.assign(count, SegmentEnd{});
+    moved_by_.assign(count * start.moved.each, -1);
+    rate_.assign(count * start.moved.each * n_x, 0.0);
     paths_.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
       const std::size_t k = first_ + i;
@@ -129,6 +134,29 @@ class RunTeam {
     dt_[i] = runs.dt_of(k, segment_[i]);
     measured_[i] = start.measured[k * n + segment_[i]];
     waited_[i] = 0;
+  }
+
+  // Into rate_: f at the starts of pieces, before switches there that parameters move.
+  template <class P, class Method>
+  void come_to_switches(const M& model, const Points& points, const Parameters& of_pieces, const Tolerance& tolerance,
+                        std::span<const std::size_t> begun, const MovedSwitches& moved, std::size_t segments) {
+    const std::size_t n_x = shape_of(model).states, n_u = shape_of(model).inputs;
+    std::vector<double> before(u_);
+    for (std::size_t e = 0; e < moved.each; ++e) {
+      std::vector<std::size_t> switching;
+      for (const std::size_t i : begun) {
+        const std::size_t at = ((first_ + i) * segments + segment_[i]) * moved.each + e;
+        moved_by_[i * moved.each + e] = moved.column[at];
+        if (moved.column[at] < 0) continue;
+        std::copy_n(moved.u + at * n_u, n_u, before.data() + i * n_u);
+        switching.push_back(i);
+      }
+      const Points under{points.count, points.x0, before.data(), points.dt};
+      in_packs(Workers(1), switching, lanes_of<P>::width, [&](auto rows) {
+        rates_at_starts<P, Method>(model, under, of_pieces, tolerance, rows, ends_.data(), rate_.data() + e * n_x,
+                                   moved.each * n_x);
+      });
+    }
   }
 
   void end_pieces(const Shape<M>& shape, const Runs& runs, const RunStart& start, const SensitiveRuns& out) {
@@ -193,6 +221,8 @@ class RunTeam {
   std::vector<int> waited_;
   std::vector<double> x0_, u_, theta_, dt_, s_, step_;
   std::vector<unsigned char> stiff_, measured_;
+  std::vector<std::int32_t> moved_by_;
+  std::vector<double> rate_;
   std::vector<SegmentEnd> end_;
   std::vector<SegmentEnd*> ends_;
   std::vector<PointPath<M>> paths_;

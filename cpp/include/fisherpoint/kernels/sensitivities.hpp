@@ -170,6 +170,12 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
     take_onto_limits(StateEquation<M, P>(model, pack.theta, pack.u), !lanes_of<P>::none(), x0);
   Tangents<M, P, Method> tangents(equation, x0, tolerance);
   for (int lane = 0; carried && lane < pack.used; ++lane) tangents.start(lane, carried->s + rows[lane] * n_x * p);
+  const MovedStarts moved = carried ? carried->moved : MovedStarts{};
+  bool starts_moved = moved.any_of(rows);
+  const auto moved_by = [&](int lane) { return std::span(moved.column + rows[lane] * moved.each, moved.each); };
+  for (int lane = 0; starts_moved && lane < pack.used; ++lane)
+    for (std::size_t e = 0; e < moved.each; ++e)
+      if (const int j = moved_by(lane)[e]; j >= 0) tangents.add_rate(lane, j, moved.rate + (rows[lane] * moved.each + e) * n_x);
   std::optional<StateEquation<M, P>> states;  // of stiff paths
   std::optional<ImplicitTangents<M, P, Method>> implicit_tangents;
   if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return is_stiff(paths[k]); })) {
@@ -187,6 +193,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
         grazes = grazes | tangents.pass(before, after, resets);
       },
       [&](P size, const auto& side, const auto& kind) {
+        if (starts_moved) tangents.take_off_rates(side, moved_by, pack.used), starts_moved = false;
         if (steep_tangents && any(kind.towards | kind.away)) {
           steep_tangents->leave(select(kind.away, size, P(0.0)), side, kind.other, kind.part, kind.implicit);
           steep_tangents->approach(select(kind.towards, size, P(0.0)), side, kind.other, kind.part, kind.implicit);

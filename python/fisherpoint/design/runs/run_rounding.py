@@ -105,7 +105,7 @@ class _Fits:
         if lower < upper:
             linear = _round(dt, lower, upper, share)
             dt = np.where(dt > 0, _significant(dt, lower, upper, share) if upper > DECADE * lower else linear, 0.0)
-        return Runs(x0, u, dt, runs.measured, rest=runs.rest, columns=runs.columns)
+        return Runs(x0, u, dt, runs.measured, rest=runs.rest, before=runs.before, columns=runs.columns)
 
     def merges(self, runs: Runs) -> Iterator[tuple[int, int, int, int, float]]:
         """Holds of an input that may become equal to a neighbour: run, input, first and last segment, value."""
@@ -125,7 +125,7 @@ class _Fits:
             beside = slice(max(first - 1, 0), stop + 1)
             if not done[k, beside, i].any():
                 u[k, first:stop, i], done[k, first:stop, i] = value, True
-        return Runs(runs.x0, u, runs.dt, runs.measured, rest=runs.rest, columns=runs.columns)
+        return Runs(runs.x0, u, runs.dt, runs.measured, rest=runs.rest, before=runs.before, columns=runs.columns)
 
     def keeps(self, runs: Runs) -> bool:
         """Whether rates and the duration are within what the region allows."""

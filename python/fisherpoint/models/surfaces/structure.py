@@ -39,6 +39,8 @@ class Equations:
     resets: tuple[Reset, ...] = ()
     latches: tuple[tuple[Any, int], ...] = ()
     """States, among the others, that are what latches remember, with their values at first."""
+    delays: tuple[tuple[Any, Any], ...] = ()
+    """Inputs whose dead times are parameters, and these."""
 
 
 def followed(equations: Equations, clock: Any = None) -> Equations:
@@ -153,7 +155,8 @@ class Structure:
             closed=[limit.closed for limit in self.limits if not limit.pole and not limit.measured],
         )
         of = equations.states, equations.inputs, equations.parameters
-        return build_programs(self.rates, self.output, surfaces, *of, constants=equations.constants, resets=self.resets)
+        more = equations.constants, self.resets, equations.delays
+        return build_programs(self.rates, self.output, surfaces, *of, *more)
 
 
 def steep_ones(surfaces: Sequence[Surface], rates: Sequence[Any]) -> list[bool]:

@@ -147,6 +147,7 @@ def build_programs(
     parameters: Sequence[Any],
     constants: Mapping[Any, float] | None = None,
     resets: Sequence[Reset] = (),
+    delays: Sequence[tuple[Any, Any]] = (),
 ) -> Programs:
     """Programs of x' = f(x, u, theta), y = g(x, u, theta).
 
@@ -161,6 +162,8 @@ def build_programs(
     resets : sequence of Reset
         Where states are set anew: what becomes positive, of sides, states with what they are set to, and whether it counts at a
         start too.
+    delays : sequence of (sympy.Symbol, sympy.Symbol)
+        Inputs that switch in instants which are parameters, and these: the states depend on them.
 
     Raises
     ------
@@ -183,9 +186,16 @@ def build_programs(
             raise ValueError(f"output: expected no side of a surface, given {output[i]}")
 
     anew = _Resets(graph, resets, symbols, h[: len(sides)])
-    variables = [*_reached(graph, f, h[: len(sides)], anew), *leaves.theta]
+    instants = [(symbols[u], symbols[tau]) for u, tau in delays]
+    switched = [
+        reduce(
+            or_, (1 << tau for u, tau in instants if (_through_sides(graph, node, h[: len(sides)]) | anew.reads(leaf)) >> u & 1), 0
+        )
+        for leaf, node in zip(leaves.x, f, strict=True)
+    ]
+    variables = [*_reached(graph, f, h[: len(sides)], anew, switched), *leaves.theta]
     jumps = len(surfaces.crossable)
-    through = [_read_through(graph, node, h[:jumps]) | anew.read_through(i, node) for i, node in enumerate(f)]
+    through = [_read_through(graph, node, h[:jumps]) | anew.read_through(i, node) | switched[i] for i, node in enumerate(f)]
     state_entries, state_nodes = _entries(graph, f, leaves.x)
     rate_entries, rate_nodes = _entries(graph, f, variables, through)
     output_entries, output_nodes = _entries(graph, g, variables)
@@ -300,10 +310,11 @@ def _reads_any(graph: Graph, node: int, leaves: Sequence[int]) -> bool:
     return any(graph.reads[node] >> leaf & 1 for leaf in leaves)
 
 
-def _reached(graph: Graph, rates: Sequence[int], switching: Sequence[int], anew: _Resets) -> list[int]:
-    """Leaves of the states that a parameter reaches: through rates, and through surfaces, by the time at which f switches."""
+def _reached(graph: Graph, rates: Sequence[int], switching: Sequence[int], anew: _Resets, switched: Sequence[int]) -> list[int]:
+    """Leaves of the states that a parameter reaches: through rates, surfaces, by the time at which f switches, and inputs."""
     leaves = graph.leaves
-    reads = [_through_sides(graph, node, switching) | anew.reads(leaf) for leaf, node in zip(leaves.x, rates, strict=True)]
+    read_by = zip(leaves.x, rates, switched, strict=True)
+    reads = [_through_sides(graph, node, switching) | anew.reads(leaf) | by for leaf, node, by in read_by]
     reached, before = (1 << len(leaves.theta)) - 1, -1
     while reached != before:
         before = reached

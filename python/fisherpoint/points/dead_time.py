@@ -1,0 +1,204 @@
+"""Runs of models whose inputs have a dead time, as runs of more segments in which every input switches at its ends.
+
+u is held, so that u(t - tau) switches at t_s + tau. A switch that comes at the end or later does not act. Instants that differ by
+rounding alone are one: dead times of whole segments make no new ones. The segments of a run at one theta are not those at another.
+
+x goes on through a switch, and S jumps by f_before - f_after in the column of tau: the kernels do that (`moved`). Where a switch
+comes just with an end, or with other switches, the derivative is that for a larger tau, by which it comes last.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.quantity import names_of
+from ..basics.values import Array, IntArray
+from ..models import Model
+from .runs import Flags, Runs
+from .status import Status
+from .trajectories import Sensitivities, Trajectories
+
+_Result = TypeVar("_Result", Trajectories, Sensitivities)
+
+_ROUNDED = 8 * np.finfo(float).eps
+"""Shares of a run's length, up to which instants are the same."""
+
+
+class Switched(NamedTuple):
+    """Segments u (K, E, n_u), dt (K, E) between all switches; ends (K, N), at which of them each given segment ends.
+
+    Columns `moved` (K, E, C) of the parameters that move the switch at a segment's start, -1 for none, and the inputs `moved_u`
+    (K, E, C, n_u) just before; empty where no dead time is a parameter.
+    """
+
+    u: Array
+    dt: Array
+    ends: NDArray[np.intp]
+    moved: IntArray
+    moved_u: Array
+
+    def until(self, length: int) -> Switched:
+        """The first segments alone."""
+        parts = self.u[:, :length], self.dt[:, :length], self.ends, self.moved[:, :length], self.moved_u[:, :length]
+        return Switched(*parts)
+
+    def options(self, rows: Any = slice(None)) -> dict[str, Any]:
+        """What the kernel of sensitivities is given of some rows."""
+        return {"moved": self.moved[rows], "moved_u": self.moved_u[rows]} if self.moved.size else {}
+
+
+def dead_times(model: Model, theta: Array, count: int) -> Array:
+    """The dead times (K, J) of the delayed inputs, in the order of `Model.delays`, at parameters (p,) or (K, p)."""
+    columns, rows = model.delay_columns, np.broadcast_to(theta, (count, theta.shape[-1]))
+
+    def known(tau: str | float) -> float:
+        return model.constants[tau] if isinstance(tau, str) else tau
+
+    each = [rows[:, columns[u]] if u in columns else np.full(count, known(tau)) for u, tau in model.delays.items()]
+    return np.stack(each, axis=1).astype(float)
+
+
+class Earlier(NamedTuple):
+    """Times t (H,), below zero, at which inputs before the start began to be held, and these, u (H, n_u)."""
+
+    t: Array
+    u: Array
+
+
+def switched(model: Model, u: Array, dt: Array, before: Array, theta: Array, earlier: Earlier | None = None) -> Switched:
+    """Segments of K runs, u (K, N, n_u) and dt (K, N), with parameters (p,) or (K, p).
+
+    The inputs before are `earlier`, and `before` (K, n_u) until then.
+    """
+    (count, n), places = dt.shape, [names_of(model.inputs).index(name) for name in model.delays]
+    tau, there, row = np.maximum(dead_times(model, theta, count), 0.0), dt > 0, np.arange(count)[:, None]
+    ends = np.cumsum(dt, axis=1)
+    rounded = _ROUNDED * ends[:, -1:]
+    given = np.concatenate([np.zeros((count, 1)), np.where(there, ends, np.inf)], axis=1)
+    starts, held, acts = given[:, :-1], u, there
+    if earlier is not None:
+        further = len(earlier.t)
+        starts = np.concatenate([np.broadcast_to(earlier.t, (count, further)), starts], axis=1)
+        held = np.concatenate([np.broadcast_to(earlier.u, (count, *earlier.u.shape)), held], axis=1)
+        acts = np.concatenate([np.ones((count, further), dtype=bool), acts], axis=1)
+    late = starts[:, :, None] + tau[:, None, :]
+    over, was = (late < -rounded[:, :, None]).sum(axis=1), np.array(before)
+    for j, place in enumerate(places):
+        was[:, place] = np.where(over[:, j] > 0, held[row[:, 0], np.maximum(over[:, j] - 1, 0), place], before[:, place])
+    late = np.where(acts[:, :, None] & (late < (ends[:, -1:] - rounded)[:, :, None]), np.maximum(late, 0.0), np.inf)
+    late = late.reshape(count, -1)
+
+    # All instants in order, those of the given ends first where they are the same.
+    kind = np.concatenate([np.full(n + 1, -1), np.tile(np.arange(len(places)), starts.shape[1])])
+    order = np.argsort(np.concatenate([given, late], axis=1), axis=1, kind="stable")
+    t = np.take_along_axis(np.concatenate([given, late], axis=1), order, axis=1)
+    own = kind[order] < 0
+    last = np.maximum.accumulate(np.where(own, t, -np.inf), axis=1)
+    next_one = np.minimum.accumulate(np.where(own, t, np.inf)[:, ::-1], axis=1)[:, ::-1]
+    with np.errstate(invalid="ignore"):
+        t = np.where(t - last <= rounded, last, np.where(next_one - t <= rounded, next_one, t))
+    again = np.lexsort((~own, t), axis=1)
+    t, order = np.take_along_axis(t, again, axis=1), np.take_along_axis(order, again, axis=1)
+    own, of = kind[order] < 0, kind[order]
+    finite = t < np.inf
+    with np.errstate(invalid="ignore"):
+        first = finite & (own | (np.diff(t, axis=1, prepend=-np.inf) > rounded))
+    closing = finite & np.append(first[:, 1:] | ~finite[:, 1:], np.ones((count, 1), dtype=bool), axis=1)
+    group = np.cumsum(first, axis=1) - 1
+    groups = int(group.max()) + 1
+
+    def at_groups(values: NDArray[Any], which: Flags, rest: Any) -> NDArray[Any]:
+        found = np.full((count, groups), rest, dtype=values.dtype)
+        k, m = np.nonzero(which)
+        found[k, group[k, m]] = values[k, m]
+        return found
+
+    time, is_given = at_groups(t, first, np.inf), at_groups(own, first, False)
+    segment = np.minimum(at_groups(np.cumsum(own & finite, axis=1) - 1, closing, n - 1), n - 1)
+    values = u[row, segment]
+    for j, place in enumerate(places):
+        switches = at_groups(np.cumsum(finite & (of == j), axis=1), closing, 0)
+        switches = np.maximum.accumulate(switches, axis=1)
+        values[:, :, place] = np.where(switches > 0, held[row, np.maximum(switches - 1, 0), place], before[:, None, place])
+    changed = (np.diff(values[:, :, places], axis=1, prepend=was[:, None, places]) != 0).any(axis=2)
+    kept = (time < np.inf) & (is_given | changed)
+
+    # Of these alone; the last is the end.
+    number = np.cumsum(kept, axis=1) - 1
+    length = int(number.max())
+    at = np.zeros((count, length + 1), dtype=np.intp)
+    k, m = np.nonzero(kept)
+    at[k, number[k, m]] = m
+    some = np.arange(length) < number[:, -1:]
+    start, stop = at[:, :-1], at[:, 1:]
+    with np.errstate(invalid="ignore"):
+        parts = time[row, stop] - time[row, start]
+    whole = is_given[row, start] & is_given[row, stop]
+    parts = np.where(some, np.where(whole, dt[row, segment[row, start]], parts), 0.0)
+    inputs = np.where(some[:, :, None], values[row, start], u[:, -1:])
+    own_end = at_groups(np.cumsum(own & finite, axis=1) - 2, first & own, -1)
+    places_of_ends = np.full((count, n), length - 1, dtype=np.intp)
+    k, m = np.nonzero(kept & (own_end >= 0))
+    places_of_ends[k, own_end[k, m]] = number[k, m] - 1
+    return Switched(inputs, parts, places_of_ends, *_moved(model, inputs, some, was, places))
+
+
+def _moved(model: Model, held: Array, some: Flags, before: Array, places: list[int]) -> tuple[IntArray, Array]:
+    by_column: dict[int, list[int]] = {}
+    for place, name in zip(places, model.delays, strict=True):
+        if name in model.delay_columns:
+            by_column.setdefault(model.delay_columns[name], []).append(place)
+    shape = (*held.shape[:2], len(by_column))
+    moved, moved_u = np.full(shape, -1, dtype=np.int32), np.repeat(held[:, :, None], len(by_column), axis=2)
+    was = np.concatenate([before[:, None], held[:, :-1]], axis=1)
+    for c, (column, of) in enumerate(by_column.items()):
+        moved[some & (was[:, :, of] != held[:, :, of]).any(axis=2), c] = column
+        moved_u[:, :, c, of] = was[:, :, of]
+    return moved, moved_u
+
+
+def inputs_before(model: Model, runs: Runs) -> Array:
+    """The inputs (K, n_u) before the starts of runs: as given, else those of the rest, else those of the first segments."""
+    if runs.before is not None:
+        return runs.before
+    before, names = runs.u[:, 0].copy(), names_of(model.inputs)
+    for k, rest in enumerate(runs.rest):
+        if rest is not None:
+            before[k] = rest.held(names)
+            for name in rest.solve:
+                if name in model.delays:
+                    raise ValueError(f"rest.solve: expected inputs without a dead time, given {name!r}: it is not known before")
+    return before
+
+
+def switched_runs(model: Model, runs: Runs, theta: Array) -> tuple[Runs, Switched]:
+    """Runs in which every input switches at the ends of segments, measured where the given ones are."""
+    found = switched(model, runs.u, runs.dt, inputs_before(model, runs), theta)
+    measured = np.zeros(found.dt.shape, dtype=bool)
+    k, n = np.nonzero(runs.measured)
+    measured[k, found.ends[k, n]] = True
+    return Runs._of(runs.x0, found.u, found.dt, measured, runs.columns, runs.rests), found
+
+
+def folded(model: Model, runs: Runs, theta: Array, found: Switched, result: _Result) -> _Result:
+    """Results of the given runs, of those with more segments."""
+    row, there = np.arange(len(runs))[:, None], runs.dt > 0
+    done = there & (found.ends < result.reached[:, None])
+    others: dict[str, Array] = {name: getattr(result, name) for name in result._fields if name not in ("x", "status", "reached")}
+    for name, values in others.items():
+        if len(values):
+            values = values[row, found.ends]
+            values[~done] = 0.0
+            others[name] = values
+    x = result.x[row, np.concatenate([np.zeros_like(found.ends[:, :1]), found.ends + 1], axis=1)]
+    status = np.where((dead_times(model, theta, len(runs)) < 0).any(axis=1), Status.left_domain, result.status).astype(np.int32)
+    outside = status != result.status
+    done &= ~outside[:, None]
+    for values in others.values():
+        if len(values):
+            values[outside] = 0.0
+    x[outside] = x[outside, :1]
+    return result._replace(**others, x=x, status=status, reached=done.sum(axis=1))
