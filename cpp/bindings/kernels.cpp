@@ -200,13 +200,13 @@ void bind_model(py::module_& m) {
                                 reached.mutable_data()};
         Tolerance tolerance = tolerance_of(rtol, cross_kinks, cross_jumps, method);
         tolerance.whole_first = whole_first;
-        run(threads, [&](const Workers& workers) {
-          run_sensitivities(model, runs, start, parameters, tolerance, workers, out);
-        });
+        run(threads,
+            [&](const Workers& workers) { run_sensitivities(model, runs, start, parameters, tolerance, workers, out); });
         return py::make_tuple(x, y, dx, dy, status, reached);
       },
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
-      "measured"_a, "s"_a, "outputs_alone"_a = false, "doubts"_a = false, "moved"_a = Columns(), "moved_u"_a = Input(), "whole_first"_a = false,
+      "measured"_a, "s"_a, "outputs_alone"_a = false, "doubts"_a = false, "moved"_a = Columns(), "moved_u"_a = Input(),
+      "whole_first"_a = false,
       "x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, "
       "empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN "
       "that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in "

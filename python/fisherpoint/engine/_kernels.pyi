@@ -124,6 +124,9 @@ def run_sensitivities(
     s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     outputs_alone: bool = False,
     doubts: bool = False,
+    moved: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
+    moved_u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = ...,
+    whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -133,7 +136,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before.
     """
 
 @typing.overload
@@ -152,6 +155,9 @@ def run_sensitivities(
     s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     outputs_alone: bool = False,
     doubts: bool = False,
+    moved: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
+    moved_u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = ...,
+    whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -161,7 +167,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before.
     """
 
 @typing.overload
@@ -180,6 +186,9 @@ def run_sensitivities(
     s: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     outputs_alone: bool = False,
     doubts: bool = False,
+    moved: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
+    moved_u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = ...,
+    whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
     numpy.typing.NDArray[numpy.float64],
@@ -189,7 +198,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before.
     """
 
 @typing.overload
