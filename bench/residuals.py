@@ -4,6 +4,9 @@ Noise with correlations of 0 to 0.99 from sample to sample is added to a record 
 correlation times long, and the parameters are estimated as if it were white. The table has the share of 95 % intervals that hold,
 by standard errors and by robust ones, and the share of fits that warn. It must be at most 5 % at white noise, and at least 95 %
 where less than 80 % of the intervals hold; the exit code is 1 where it is not.
+
+With ``--found`` the noise is looked for, by ``noise="estimated"``: the table has the share of 95 % intervals that hold, and how
+often the form of the noise was found. The share must be 93 to 97 % but for chance, by three standard deviations.
 """
 
 from __future__ import annotations
@@ -50,6 +53,15 @@ class Line(NamedTuple):
     held: float
     robust: float
     warned: float
+
+
+class FoundLine(NamedTuple):
+    """A line of the table of found noise: shares of intervals that hold, and of fits that found the form of the noise."""
+
+    samples: int
+    held: float
+    found: float
+    allowed: float
 
 
 def switched(low: float, high: float, every: int) -> Callable[[int], Array]:
@@ -109,8 +121,7 @@ def data_of(case: Case, kind: str, n: int) -> Callable[[Array], fp.Record | fp.M
 
 def line_of(case: Case, kind: str, correlation: float, fits: int, seed: int) -> Line:
     """Estimate from the same data with new noise each time."""
-    n = max(SHORTEST, int(np.ceil(-LONG / np.log(correlation))) if correlation else SHORTEST)
-    n = RUNS * -(-n // RUNS)
+    n = samples_of(correlation)
     rng, truth = np.random.default_rng(seed), np.array([case.theta[name] for name in case.estimated])
     make, count = data_of(case, kind, n), 1 if kind == "record" else RUNS
     off, errors, robust, warned = [], [], [], 0
@@ -127,6 +138,31 @@ def line_of(case: Case, kind: str, correlation: float, fits: int, seed: int) -> 
     return Line(n, held, by_robust, warned / fits)
 
 
+def samples_of(correlation: float) -> int:
+    """Samples of a record, or of all runs."""
+    n = max(SHORTEST, int(np.ceil(-LONG / np.log(correlation))) if correlation else SHORTEST)
+    return RUNS * -(-n // RUNS)
+
+
+def found_line_of(case: Case, kind: str, correlation: float, fits: int, seed: int) -> FoundLine:
+    """Look for the noise of the same data with new noise each time."""
+    n, rng = samples_of(correlation), np.random.default_rng(seed)
+    make, count = data_of(case, kind, n), 1 if kind == "record" else RUNS
+    held, found = [], 0
+    for _ in range(fits):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            data = make(noise(rng, count, n // count, correlation))
+            fit = fp.estimate(case.model, data, start=case.theta, parameters=case.estimated, noise="estimated")
+        intervals = fit.intervals()
+        held.append([intervals[name][0] <= case.theta[name] <= intervals[name][1] for name in case.estimated])
+        estimates = (fit.noise_estimate or {}).values()
+        found += all(one.form == ("memory" if correlation else "white") for one in estimates)
+    # The intervals of one fit are not independent of each other: the spread of its own share counts.
+    chance = 3 * float(np.std(np.mean(held, axis=1))) / np.sqrt(fits)
+    return FoundLine(n, float(np.mean(held)), found / fits, chance)
+
+
 def table(names: list[str], fits: int, seed: int) -> Iterator[tuple[str, str, float, Line]]:
     """The lines of all models, kinds of data and correlations."""
     for name in names:
@@ -136,12 +172,17 @@ def table(names: list[str], fits: int, seed: int) -> Iterator[tuple[str, str, fl
 
 
 def main() -> int:
-    """Print the table; the exit code is 1 where a fit should have warned, or should not."""
+    """Print the table; the exit code is 1 where it shows what must not be."""
     parser = argparse.ArgumentParser(prog="python -m bench.residuals", description=__doc__)
     parser.add_argument("--fits", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--models", nargs="+", choices=tuple(cases()), default=list(cases()))
+    parser.add_argument("--found", action="store_true")
     options = parser.parse_args()
+    return found_table(options.models, options.fits, options.seed) if options.found else white_table(options)
+
+
+def white_table(options: argparse.Namespace) -> int:
     wrong = 0
     heads = ("model", "data", "correlation", "samples", "intervals hold", "by robust errors", "fits that warn")
     print(f"| {' | '.join(heads)} |", "|---|---|" + "--:|" * 5, sep="\n")
@@ -149,6 +190,19 @@ def main() -> int:
         shares = " | ".join(f"{100 * share:.0f} %" for share in line[1:])
         print(f"| {name} | {kind} | {correlation:g} | {line.samples} | {shares} |", flush=True)
         wrong += line.warned > 0.05 if correlation == 0 else line.held < 0.8 and line.warned < 0.95
+    return int(wrong > 0)
+
+
+def found_table(names: list[str], fits: int, seed: int) -> int:
+    wrong = 0
+    print("| model | data | correlation | samples | intervals hold | form found |", "|---|---|--:|--:|--:|--:|", sep="\n")
+    for name in names:
+        for kind in ("record", "runs"):
+            for correlation in CORRELATIONS:
+                line = found_line_of(cases()[name], kind, correlation, fits, seed)
+                shares = " | ".join(f"{100 * share:.1f} %" for share in (line.held, line.found))
+                print(f"| {name} | {kind} | {correlation:g} | {line.samples} | {shares} |", flush=True)
+                wrong += not 0.93 - line.allowed <= line.held <= 0.97 + line.allowed
     return int(wrong > 0)
 
 

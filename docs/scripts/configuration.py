@@ -164,6 +164,17 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         '[initial_state_std]\nv = { value = 2e-3, unit = "m/s" }\n',
         {"value": "The standard deviation.", "unit": "The unit, where it is not the model's."},
     ),
+    "local": (
+        'Parameters that do not have one value for all data, by name, and whose they are: `"run"` or `"record"`, or a column of'
+        " the data with labels, such as `plant` or `day`. [Parameters of a run or a plant](../how_to/local_parameters.md)"
+        " explains their effect.",
+        '[local]\nm_q = "run"\nc_L = { by = "plant", spread = 2e-10 }\n',
+        {
+            "by": "Whose the values are. The word may stand alone.",
+            "spread": 'Standard deviation between the values, or `"estimated"`. Nothing is known of it where it is left out.',
+            "unit": "The unit of the spread, where it is not the model's.",
+        },
+    ),
     "region": (
         "Which experiments are possible: bounds of every state, every input and, for models with states, `dt`, by name. A pair of"
         " numbers alone gives the bounds. `fisherpoint design` and `fisherpoint campaign` need this table.",

@@ -18,6 +18,8 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .design.exact.exact import exact_design
     from .design.exact.exact_design import ExactDesign
     from .design.file.configuration import load_problem
+    from .design.fleet.design_fleet import design_fleet
+    from .design.fleet.fleet_design import FleetDesign
     from .design.goal.criteria import Criterion
     from .design.goal.goal import Goal
     from .design.goal.goal_criterion import criterion
@@ -41,6 +43,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .information.evaluation import Evaluation
     from .information.feasibility import feasibility
     from .information.identifiability import identifiability
+    from .information.local import Local
     from .information.problem import DesignProblem
     from .models import HydraulicCylinder, Model
     from .models import math as math
@@ -83,12 +86,14 @@ __all__ = [
     "ExperimentRegion",
     "Experiments",
     "Fit",
+    "FleetDesign",
     "GaussHermite",
     "GaussMarkov",
     "GaussianPrior",
     "Goal",
     "HydraulicCylinder",
     "LinearizedRule",
+    "Local",
     "Measurements",
     "Model",
     "Noise",
@@ -125,6 +130,7 @@ __all__ = [
     "compare_rules",
     "convert_unit",
     "criterion",
+    "design_fleet",
     "design_pieces",
     "design_runs",
     "estimate",
@@ -165,6 +171,8 @@ _PLACES = {
     ".design.exact.exact_design": ("ExactDesign",),
     ".design.goal.goal": ("Goal",),
     ".design.goal.goal_criterion": ("criterion",),
+    ".design.fleet.design_fleet": ("design_fleet",),
+    ".design.fleet.fleet_design": ("FleetDesign",),
     ".design.goal.criteria": ("Criterion",),
     ".design.goal.over_prior": ("OverPrior",),
     ".design.pieces.design_pieces": ("design_pieces",),
@@ -184,6 +192,7 @@ _PLACES = {
     ".information.evaluation": ("Evaluation",),
     ".information.feasibility": ("feasibility",),
     ".information.identifiability": ("identifiability",),
+    ".information.local": ("Local",),
     ".information.problem": ("DesignProblem",),
     ".models": ("HydraulicCylinder", "Model"),
     ".models.callable.model": ("CallableModel",),

@@ -61,7 +61,8 @@ def estimate(
 ) -> int:
     """Estimate the parameters from measured data, and report how good the fit is.
 
-    Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser.
+    Writes estimate.csv, residuals.csv, fit.json, report.txt, pictures, and report.html, which shows all of it in a browser; of
+    local parameters local.csv.
     """
     with importing():
         import numpy as np
@@ -105,7 +106,7 @@ def estimate(
                 parameters=problem.parameters,
                 noise=problem.noise if known else "estimated",
                 # Noise that is estimated has what is drawn anew in it.
-                deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain),
+                deviations=problem.deviations if known else fp.Deviations(uncertain=problem.uncertain, local=problem.local),
                 threads=frame.threads,
                 progress=not frame.quiet,
             )

@@ -10,6 +10,7 @@ import fisherpoint as fp
 from fisherpoint.basics.quantity import names_of
 from fisherpoint.basics.table import DataTable
 from fisherpoint.basics.toml_tables import wrong_names
+from fisherpoint.data.labels import LABELS
 from fisherpoint.data.measurement_files import column_names
 from fisherpoint.design.file.configuration import Config, ConfigError
 from fisherpoint.points.run_files import time_name
@@ -29,13 +30,14 @@ class DataFiles:
             if not (name and column):
                 raise ConfigError(f"--column: expected NAME=COLUMN, given {given}")
             columns[name] = column
-        if wrong := [*wrong_names("--column", columns, column_names(config.build_model()))]:
+        self.labels = config.labels
+        if wrong := [*wrong_names("--column", columns, (*column_names(config.build_model()), *LABELS, *self.labels))]:
             raise ConfigError(*wrong)
         self.columns: Mapping[str, str] | None = columns or None
 
     def measurements(self, path: Path, model: fp.Model) -> fp.Measurements:
         """Measurements of points or of runs."""
-        return fp.Measurements.from_table(path, model, columns=self.columns)
+        return fp.Measurements.from_table(path, model, columns=self.columns, labels=self.labels)
 
     def data(self, path: Path, model: fp.Model) -> fp.Measurements | fp.Record:
         """Measurements of points or runs, or a record where the file has a column of times.
@@ -50,8 +52,8 @@ class DataFiles:
             states = {quantity.name for quantity in model.states} - {"T"}
             if "T" in axes.difference(names) and ("T" in {q.name for q in model.inputs} or states | {"dt"} & set(names)):
                 raise ValueError("expected the column T of the model, given t, which is the time of a record")
-            return fp.Record.from_table(table, model)
-        return fp.Measurements.from_table(table, model)
+            return fp.Record.from_table(table, model, labels=self.labels)
+        return fp.Measurements.from_table(table, model, labels=self.labels)
 
     def previous(self, path: Path, model: fp.Model) -> fp.Experiments | fp.Runs | fp.Measurements:
         """Measurements where the file has a column of an output, else points or runs that are planned, by names of their own."""
@@ -62,5 +64,5 @@ class DataFiles:
         if self.columns is not None and not planned:
             return self.measurements(path, model)
         if own is not None and any(name.startswith("y_") for name in own.names):
-            return fp.Measurements.from_table(own, model)
+            return fp.Measurements.from_table(own, model, labels=self.labels)
         return read_points(path, model)

@@ -21,6 +21,7 @@ from check_covariances import check_covariance
 from check_delay import check_delay
 from check_floats import check_floats
 from check_kinds import check_kinds
+from check_local import check_local
 from check_nice import check_nice
 from check_noise import check_noise
 from check_records import check_record
@@ -174,6 +175,7 @@ def checked(case: Case, figures: Figures, levels: Levels | None, only: str) -> l
         "delay": lambda: check_delay(bench),
         "shared": lambda: check_shared(bench),
         "noise": lambda: check_noise(bench),
+        "local": lambda: check_local(bench),
         "record": lambda: check_record(bench, by_scipy=True),
         "callable": lambda: check_callable(bench),
         "levels": lambda: levels.check(bench) if levels is not None else None,

@@ -72,7 +72,13 @@ def estimate_cases() -> dict[str, Case]:
             uncertain=({"d": 0.01}, MAP, NONE),
             initial_state_std=({"h": 0.01}, MAP, NONE),
             shared=((), NAMES),
+            local=({"a": "run"}, MAP, NONE),
             rule=(None, NONE),
+        ),
+        "Local": case(fp.Local, by=("run", TEXT), spread=(0.1, NUMBER, NONE)),
+        "estimate, local": case(
+            lambda local: fp.estimate(model(), run_data(), noise=NOISE, deviations=fp.Deviations(local=local)),
+            local=({"a": fp.Local("run", spread=0.1)}, MAP, NONE),
         ),
         "estimate, runs": case(
             fp.estimate,

@@ -103,7 +103,9 @@ def point_cases() -> dict[str, Case]:
             model=(model(), MODEL, NONE),
         ),
         "Runs.from_csv": case(fp.Runs.from_csv, path=(files() / "runs.csv", TEXT, PATH), model=of_model),
-        "Measurements": case(fp.Measurements, points=of_points, y=([0.1, 0.2, 0.3], ARRAY)),
+        "Measurements": case(
+            fp.Measurements, points=of_points, y=([0.1, 0.2, 0.3], ARRAY), labels=({"plant": ["A", "B", "B"]}, MAP, NONE)
+        ),
         "data[]": case(lambda index: data()[index], index=(0, INT, ARRAY, NAMES, SLICE)),
         "Measurements.join": case(fp.Measurements.join, parts=([data(), data()],)),
         "Measurements.from_table": case(
@@ -111,6 +113,7 @@ def point_cases() -> dict[str, Case]:
             table=(files() / "data.csv", TEXT, PATH),
             model=of_model,
             columns=({"h": "h", "u": "u", "dt": "dt", "y": "y_y"}, NONE, MAP),
+            labels=(["rig"], NONE, NAMES, TEXT),
         ),
         "Measurements.from_csv": case(fp.Measurements.from_csv, path=(files() / "data.csv", TEXT, PATH), model=of_model),
         "Measurements.to_csv": case(lambda model: data().to_csv(files() / "out.csv", model), model=of_model),
@@ -127,6 +130,7 @@ def point_cases() -> dict[str, Case]:
             y=([0.1, 0.2, 0.3], ARRAY),
             x0=({"h": 1.0}, MAP, NONE),
             begin=(0.0, NUMBER, NONE),
+            labels=({"plant": "A"}, MAP, NONE),
             before=([0.1], NONE, ARRAY),
         ),
         "record[]": case(lambda index: record()[index], index=(slice(0, 2), SLICE)),
@@ -137,6 +141,7 @@ def point_cases() -> dict[str, Case]:
             model=of_model,
             columns=({"t": "t", "u": "u", "y": "y_y", "x0_h": "x0_h"}, NONE, MAP),
             x0=({"h": 1.0}, MAP, NONE),
+            labels=(["rig"], NONE, NAMES, TEXT),
         ),
         "Record.from_csv": case(
             fp.Record.from_csv, path=(files() / "record.csv", TEXT, PATH), model=of_model, x0=({"h": 1.0}, MAP, NONE)

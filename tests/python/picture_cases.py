@@ -91,6 +91,19 @@ def fit() -> fp.Fit:
 
 
 @cache
+def fit_of_local() -> fp.Fit:
+    """Of lines of one slope, whose levels differ between plants."""
+    rng, of = np.random.default_rng(5), np.repeat(np.arange(6), 4)
+    s = rng.uniform(-1, 1, len(of))
+    y = 3.0 * s + np.array([4.0, 5.2, 4.7, 5.9, 4.4, 5.1])[of] + 0.2 * rng.standard_normal(len(of))
+    data = fp.Measurements(
+        fp.Experiments(np.zeros((len(of), 0)), np.column_stack([s, np.ones(len(of))])), y, labels={"plant": of.tolist()}
+    )
+    local = fp.Deviations(local={"q": fp.Local("plant", spread="estimated")})
+    return fp.estimate(LINE, data, start={"p": 2.0, "q": 4.0}, noise={"y": 0.2}, deviations=local)
+
+
+@cache
 def fit_with_memory() -> fp.Fit:
     """Of a record, in which what the model lacks has left a slow wave in one output."""
     t = 0.25 * np.arange(120)
@@ -178,6 +191,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "fit: autocorrelation": lambda: fit_with_memory().plot("autocorrelation"),
     "fit: autocorrelation of few": lambda: small_fit().plot("autocorrelation"),
     "fit: profile": lambda: fit().profile("tau").plot(),
+    "fit: local": lambda: fit_of_local().plot("local"),
     "small numbers: ellipses": lambda: fit_of_line().plot("ellipses"),
     "small numbers: profile": lambda: small_fit().profile("k").plot(),
     "validation": validation,

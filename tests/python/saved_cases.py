@@ -108,6 +108,11 @@ def saved_cases() -> dict[str, Saved]:
     fits = [fp.estimate(one.model, measured, one.prior, noise=one.noise)]
     fits += [fp.estimate(one.model, record, one.prior)]
     fits += [fp.estimate(one.model, fp.VirtualRig(one.model, one.prior.mean, {"y": 0.01, "z": 0.02}).measure(runs.runs))]
+    local = fp.Deviations(local={"k2": fp.Local("plant", spread="estimated")})
+    several = fp.VirtualRig(one.model, one.prior.mean, {"y": 0.01, "z": 0.02}, seed=1).measure(points, repeats=3)
+    several = fp.Measurements(several.points, several.y, labels={"plant": [str(k % 3) for k in range(len(several))]})
+    fits += [fp.estimate(one.model, several, one.prior, noise=one.noise, deviations=local)]
+    of_plant = problem(local={"k2": fp.Local("plant", spread=0.1)})
     cases = {
         "design": directory(design, "design.json"),
         "design over the prior": directory(over, "design.json"),
@@ -127,6 +132,8 @@ def saved_cases() -> dict[str, Saved]:
         "fit": directory(fits[0], "fit.json"),
         "fit of a record": directory(fits[1], "fit.json"),
         "fit of runs": directory(fits[2], "fit.json"),
+        "fit of local parameters": directory(fits[3], "fit.json"),
+        "design beside local parameters": directory(fp.exchange(of_plant, n_experiments=3, **small), "design.json"),
         "pieces": file(pieces),
         "runs": Saved(runs, runs.save, fp.RunDesign.load, "design.json"),
         "sweep": file(fp.sweep(one, (2, 3), cost=fp.Cost(per_experiment=1.0, per_change={"u": 2.0}), **small)),

@@ -43,7 +43,7 @@ def test_output_sensitivities_are_those_of_the_state_that_is_given(off: float, k
     bench = Bench(case, Figures())
     done = fp.sensitivities(bench.model, bench.points, bench.theta)
     done.dy_dtheta[:] *= 1 + off
-    check_output_sensitivities(bench, done, np.array([0]), "")
+    check_output_sensitivities(bench, done, np.array([0]), 1e-13, "")
     assert kinds(bench) == known and bench.figures.counts["output sensitivity compared"] == 1
 
 

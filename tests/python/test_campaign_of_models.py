@@ -14,6 +14,7 @@ import fisherpoint as fp
 from check_bits import Levels, compare_numbers
 from check_covariances import check_covariance
 from check_floats import check_floats, in_floats
+from check_local import check_local
 from check_nice import Depot, check_nice, compare
 from check_noise import check_noise
 from check_runs import by_points, check_runs
@@ -403,6 +404,13 @@ def test_a_forgotten_memory_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
         check_noise(bench)
         kinds |= {finding.kind for finding in bench.findings}
     assert kinds == {"wrong ok: covariance under noise", "wrong ok: estimate under noise"}
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_local_parameters_by_brute_force(seed: int) -> None:
+    bench = bench_of(seed)
+    check_local(bench)
+    assert not found(bench)
 
 
 # --- the campaign ----------------------------------------------------------------------------------------------------------

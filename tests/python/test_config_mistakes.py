@@ -195,7 +195,7 @@ MISTAKES = {
         "[design]",
         "[desing]",
         "unknown key desing; expected one of model, prior, prior_correlation, noise, noise_correlation, "
-        "uncertain, varies, initial_state_std, "
+        "uncertain, varies, initial_state_std, local, "
         "region, runs, rule, goal, design, cost, campaign, data "
         '(did you mean "design"?)',
     ),

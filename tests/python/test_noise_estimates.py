@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -311,6 +312,23 @@ def test_fit_is_saved_and_read(name: str, tmp_path: Any) -> None:
     assert again.standard_errors == fit.standard_errors
     assert again.chi_square == fit.chi_square
     assert str(again) == str(fit)
+
+
+@pytest.mark.parametrize("name", ["grows", "rounded, limited", "memory", "correlated, memory"])
+def test_what_a_fit_can_do_it_can_under_such_noise(name: str) -> None:
+    pytest.importorskip("matplotlib")
+    noise = {"y1": READINGS[name], "y2": 0.02} if name in READINGS else WITH_MEMORY[name]
+    fit = fp.estimate(tanks(), measured(noise), PRIOR, noise=noise)
+    for parameter, (low, high) in fit.intervals().items():
+        profile = fit.profile(parameter).interval
+        np.testing.assert_allclose(profile, (low, high), atol=0.03 * (high - low))  # the model is nearly linear there
+        assert 0.5 < fit.robust_ratios[parameter] < 1.5
+    together = fit.stability().together
+    assert together is not None and together.p_value > 1e-3
+    assert pickle.loads(pickle.dumps(fit)).standard_errors == fit.standard_errors
+    np.testing.assert_allclose(list(fit.posterior().std.values()), list(fit.standard_errors.values()))
+    for kind in ("parity", "residuals", "time", "autocorrelation"):
+        fit.plot(kind)
 
 
 @pytest.mark.parametrize("name", [*READINGS, *WITH_MEMORY])

@@ -34,6 +34,8 @@ NAMES = (
     "fit",
     "fit of a record",
     "fit of runs",
+    "fit of local parameters",
+    "design beside local parameters",
     "pieces",
     "runs",
     "sweep",

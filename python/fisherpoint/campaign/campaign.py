@@ -20,6 +20,7 @@ from ..design.runs.run_tables import segments_table
 from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
+from ..information.local import RUN
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..information.run_information import checked_problem
@@ -84,6 +85,8 @@ class Campaign(Shown):
         **settings: Any,
     ) -> None:
         check_type(problem, DesignProblem, "problem")
+        for name in (name for name, one in problem.local_parameters.items() if one.by != RUN):
+            raise ValueError(f"local[{name!r}]: expected 'run' in a campaign, given {problem.local_parameters[name].by!r}")
         state = CampaignState(problem, batch_settings(problem, batch, seed, settings), checked_targets(targets, problem))
         self._begin(state, None, threads)
         if directory is not None:

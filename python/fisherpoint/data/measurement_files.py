@@ -11,13 +11,14 @@ column             entry
 ``u``, ``dt``      the inputs and the duration
 ``y_q``            an output; empty or nan: not measured. Also ``q``, where no state or input has that name
 ``status``         as `fisherpoint simulate` writes it: a row that is not ok has no outputs
+``plant``, ``day``  labels: of which plant and day the row is; of a run, in its first row at least
 ``comment`` ...    `BOOKKEEPING`, not read
 =================  ===================================================================================================
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from ..basics.csv_file import csv_text
 from ..basics.messages import listed
 from ..basics.quantity import DURATION, names_of
 from ..basics.table import DataTable
-from ..basics.values import Array
+from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..points.experiments import BOOKKEEPING, Experiments, columns_of
 from ..points.run_files import (
@@ -44,11 +45,13 @@ from ..points.run_files import (
 )
 from ..points.runs import Points, Runs, as_runs
 from ..points.status import Status
+from .labels import label_columns, labels_of_table
 from .plausibility import refuse_implausible
 
 
-def measurements_csv(points: Points, y: Array, model: Model) -> str:
+def measurements_csv(points: Points, y: Array, model: Model, labels: Mapping[str, Sequence[str]] = FrozenMapping({})) -> str:
     """The text of a file of measurements; every digit is kept, and what was not measured is an empty entry."""
+    label_columns(labels, column_names(model))
     axes, outputs = names_of(model.axes), [f"y_{name}" for name in names_of(model.outputs)]
     given = (points.x0.shape[1], points.u.shape[-1], y.shape[-1])
     expected = (len(model.states), len(model.inputs), len(model.outputs))
@@ -57,17 +60,22 @@ def measurements_csv(points: Points, y: Array, model: Model) -> str:
     runs = as_runs(points)
     if points is runs:
         of_segments = {name: y[:, :, i] for i, name in enumerate(outputs)}
-        return runs_csv(runs, model, of_segments)
-    header = (*axes, *outputs)
+        return runs_csv(runs, model, of_segments, labels)
+    header = (*axes, *outputs, *labels)
     if len(set(header)) != len(header):
         raise ValueError(f"model: expected names that differ from y_<output>, given {listed(axes)}")
-    return csv_text(header, np.column_stack([runs.starts.table[:, : len(axes)], y]).tolist())
+    rows = np.column_stack([runs.starts.table[:, : len(axes)], y]).tolist()
+    return csv_text(header, [[*row, *(given[k] for given in labels.values())] for k, row in enumerate(rows)])
 
 
-def read_measurements(table: DataTable, model: Model) -> tuple[Points, Array]:
-    """Read and check points, or runs, and outputs of a table of measurements of `model`; see `Measurements.from_table`."""
+def read_measurements(
+    table: DataTable, model: Model, labels: Sequence[str] | None = None
+) -> tuple[Points, Array, Mapping[str, tuple[str, ...]]]:
+    """Read and check points, or runs, outputs and labels of a table of measurements; see `Measurements.from_table`."""
     table.warn_of_cut_off()
-    return _runs(table, model) if {RUN.name, SEGMENT.name} <= set(table.names) - set(_axes(model)) else _points(table, model)
+    of_labels = label_columns(labels, column_names(model))
+    is_runs = {RUN.name, SEGMENT.name} <= set(table.names) - set(_axes(model))
+    return (_runs if is_runs else _points)(table, model, of_labels)
 
 
 def column_names(model: Model) -> tuple[str, ...]:
@@ -78,8 +86,8 @@ def column_names(model: Model) -> tuple[str, ...]:
     return tuple(dict.fromkeys((time_name(inputs), *_axes(model), *starts, *outputs, *measured, *of_runs, "status")))
 
 
-def _points(table: DataTable, model: Model) -> tuple[Experiments, Array]:
-    outputs = _match(table, model)
+def _points(table: DataTable, model: Model, labels: tuple[str, ...]) -> tuple[Experiments, Array, Mapping[str, tuple[str, ...]]]:
+    outputs = _match(table, model, labels)
     starts = {state.name: name for state in model.states if (name := f"x0_{state.name}") in table and name not in _axes(model)}
     table.read_decimal_commas(name for name in table.names if name in {*_axes(model), *starts.values(), *outputs.values()})
 
@@ -97,13 +105,13 @@ def _points(table: DataTable, model: Model) -> tuple[Experiments, Array]:
     points = Experiments(x0, u, dt, columns=columns_of(model))
     _, same = Runs.of_points(points.starting(planned)).distinct()
     refuse_implausible(table, model, outputs, same[:, None], x0, u, y)
-    return points, y
+    return points, y, labels_of_table(table, labels)
 
 
-def _runs(table: DataTable, model: Model) -> tuple[Runs, Array]:
+def _runs(table: DataTable, model: Model, labels: tuple[str, ...]) -> tuple[Runs, Array, Mapping[str, tuple[str, ...]]]:
     further = (*rest_columns_of(table, model), *before_columns_of(table, model))
     outputs = _columns_of_outputs(table, model, {*_axes(model), RUN.name, SEGMENT.name, MEASURED.name, *further})
-    x0, u, dt, measured = runs_of_table(table, model, (*outputs.values(), *further), BOOKKEEPING)
+    x0, u, dt, measured = runs_of_table(table, model, (*outputs.values(), *further), (*BOOKKEEPING, *labels))
     rest = rest_of_table(table, model) if REST in further else None
     if not outputs:
         of_outputs = listed(f"y_{name}" for name in names_of(model.outputs))
@@ -122,7 +130,7 @@ def _runs(table: DataTable, model: Model) -> tuple[Runs, Array]:
     refuse_implausible(table, model, outputs, replicates, x0, u[:, 0], numbers, np.flatnonzero(n == 0))
     y = np.full((*dt.shape, numbers.shape[1]), np.nan)
     y[k, n] = numbers
-    return runs, y
+    return runs, y, labels_of_table(table, labels, n == 0)
 
 
 def _numbers(table: DataTable, model: Model, outputs: Mapping[str, str], failed: list[int]) -> Array:
@@ -142,14 +150,14 @@ def _axes(model: Model) -> tuple[str, ...]:
     return (*names_of(model.states), *names_of(model.inputs), "dt")
 
 
-def _match(table: DataTable, model: Model) -> dict[str, str]:
+def _match(table: DataTable, model: Model, labels: tuple[str, ...]) -> dict[str, str]:
     """Return the column of each output that has one, after a check of all columns."""
     axes = _axes(model)
     outputs = _columns_of_outputs(table, model, axes)
     starts = {f"x0_{state}": state for state in names_of(model.states)}
     given = {*table.names, *(state for name, state in starts.items() if name in table)}
     missing = [name for name in names_of(model.axes) if name not in given]
-    known = {*axes, *outputs.values(), *starts, *BOOKKEEPING, "status"}
+    known = {*axes, *outputs.values(), *starts, *labels, *BOOKKEEPING, "status"}
     unknown = [name for name in table.names if name not in known]
     if missing or unknown or not outputs:
         of_outputs = listed(f"y_{name}" for name in names_of(model.outputs))

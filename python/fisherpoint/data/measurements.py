@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from ..points.runs import Points, Runs, as_flat, as_runs, joined
 from ..show.numbers import counted
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, beside, first_rows, numbered
+from .labels import checked_labels
 from .measured_outputs import measured_outputs, refuse_beside_samples, runs_with_outputs
 from .measurement_files import measurements_csv, read_measurements
 
@@ -35,6 +36,9 @@ class Measurements(InNotebooks):
     y : array_like, (K, n_y), or (K, N, n_y) of runs
         Outputs in the model's order, SI units; NaN where an output was not measured, as at every segment that is not `measured`.
         (K,), or (K, N), is taken for a single output.
+    labels : mapping of name to labels, optional
+        Of which plant, day or batch each is: K texts or whole numbers, or one for all, such as ``{"plant": ["A", "A", "B"]}``.
+        Local parameters have one value for each label.
 
     Raises
     ------
@@ -46,6 +50,7 @@ class Measurements(InNotebooks):
 
     points: Points
     y: Array
+    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         runs = as_runs(self.points)
@@ -53,6 +58,7 @@ class Measurements(InNotebooks):
         refuse_beside_samples(runs, y.reshape(*runs.dt.shape, -1))
         y.flags.writeable = False
         object.__setattr__(self, "y", y)
+        object.__setattr__(self, "labels", checked_labels(self.labels, len(self.points)))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -60,7 +66,10 @@ class Measurements(InNotebooks):
     def __getitem__(self, rows: int | slice | Sequence[int] | NDArray[Any]) -> Measurements:
         """Measurements of the chosen points or runs; at least one must have a number."""
         chosen = as_index(rows, len(self), "data")
-        return Measurements(self.points[chosen], self.y[chosen])
+        return Measurements(self.points[chosen], self.y[chosen], labels=self._labels_of(chosen))
+
+    def _labels_of(self, rows: slice | NDArray[Any]) -> dict[str, tuple[str, ...]]:
+        return {name: tuple(np.array(given, dtype=object)[rows]) for name, given in self.labels.items()}
 
     @property
     def runs(self) -> Runs:
@@ -85,11 +94,14 @@ class Measurements(InNotebooks):
             return self
         runs, y = runs_with_outputs(runs, self.run_outputs)
         points = as_flat(runs, self.points)
-        return Measurements(points, y.reshape(*points.dt.shape, -1))
+        return Measurements(points, y.reshape(*points.dt.shape, -1), labels=self._labels_of(np.flatnonzero(there.any(axis=1))))
 
     @staticmethod
     def join(parts: Sequence[Measurements]) -> Measurements:
-        """Return all parts, one after the other; points are runs of one segment where runs are among them."""
+        """Return all parts, one after the other; points are runs of one segment where runs are among them.
+
+        Labels stay that all parts have.
+        """
         parts = as_parts(parts, Measurements)
         sizes = [(part.points.x0.shape[1], part.points.u.shape[-1], part.y.shape[-1]) for part in parts]
         check_alike(sizes, "states, inputs and outputs")
@@ -97,18 +109,23 @@ class Measurements(InNotebooks):
         segments = as_runs(points).dt.shape[1]
         missing = [((0, 0), (0, segments - part.runs.dt.shape[1]), (0, 0)) for part in parts]
         y = [np.pad(part.run_outputs, by, constant_values=np.nan) for part, by in zip(parts, missing, strict=True)]
-        return Measurements(points, np.concatenate(y).reshape(*points.dt.shape, -1))
+        names = [name for name in parts[0].labels if all(name in part.labels for part in parts)]
+        labels = {name: tuple(label for part in parts for label in part.labels[name]) for name in names}
+        return Measurements(points, np.concatenate(y).reshape(*points.dt.shape, -1), labels=labels)
 
     def to_csv(self, path: str | Path, model: Model) -> None:
         """Write the design's CSV, or that of the runs, with a column ``y_<output>`` for each output, empty where not measured.
 
-        Every digit is kept, and the file appears whole or not at all. The starts are written as they are, in the states' columns.
+        Every digit is kept, and the file appears whole or not at all. The starts are written as they are, in the states' columns,
+        and labels in columns of their names.
         """
         check_type(model, Model, "model")
-        write_whole(path, measurements_csv(self.points, self.y, model))
+        write_whole(path, measurements_csv(self.points, self.y, model, self.labels))
 
     @classmethod
-    def from_table(cls, table: Any, model: Model, *, columns: Mapping[str, str] | None = None) -> Measurements:
+    def from_table(
+        cls, table: Any, model: Model, *, columns: Mapping[str, str] | None = None, labels: Sequence[str] | None = None
+    ) -> Measurements:
         """Read measurements of `model` from a table: the columns of a design or of runs, and one for each measured output.
 
         Parameters
@@ -126,6 +143,8 @@ class Measurements(InNotebooks):
             States, inputs and ``dt`` are called by their names, an output ``y_<name>``, or its name alone where no state or input
             has that. Outputs may be missing or empty; of points ``x0_<state>`` is a measured start. Columns ``run`` and ``segment``
             distinguish runs from points. See docs/how_to/measurements.md for the format, and for what is refused.
+        labels : sequence of str, optional
+            Further columns that have labels, beside ``plant`` and ``day``; a run has its label in its first row at least.
 
         Raises
         ------
@@ -138,15 +157,17 @@ class Measurements(InNotebooks):
             row, 1 for the first, and column.
         """
         check_type(model, Model, "model")
-        return Measurements(*read_measurements(as_table(table, columns), model))
+        points, y, of = read_measurements(as_table(table, columns), model, labels)
+        return Measurements(points, y, labels=of)
 
     @classmethod
-    def from_csv(cls, path: str | Path, model: Model) -> Measurements:
+    def from_csv(cls, path: str | Path, model: Model, *, labels: Sequence[str] | None = None) -> Measurements:
         """Read what `to_csv` wrote: `from_table` of a file with the names of the model."""
-        return cls.from_table(as_path(path, "path"), model)
+        return cls.from_table(as_path(path, "path"), model, labels=labels)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Measurements) and self.points == other.points and np.array_equal(self.y, other.y, equal_nan=True)
+        same = isinstance(other, Measurements) and self.points == other.points and self.labels == other.labels
+        return same and isinstance(other, Measurements) and np.array_equal(self.y, other.y, equal_nan=True)
 
     __hash__ = None  # type: ignore[assignment]  # arrays
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -23,6 +23,7 @@ from ..points.run_files import BEFORE, time_name
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, first_rows, numbered
 from .held_inputs import checked_times, held_inputs
+from .labels import checked_label, label_columns
 from .measured_outputs import measured_outputs
 from .merging import merged_channels
 from .record_files import read_record
@@ -46,6 +47,8 @@ class Record(InNotebooks):
     begin : float, optional
         The time at which t of equations is zero, s; default: that of the first sample. Samples that are taken out of a record keep
         that of the whole.
+    labels : mapping of name to label, optional
+        Of which plant, day or batch it is, such as ``{"plant": "A"}``. Local parameters have one value for each label.
     before : array_like, (n_u,), or (H, 1 + n_u), optional
         Inputs before the first sample, SI units, which equations with a dead time still read at first, see
         `fisherpoint.math.delay`; or rows of a time, s, and the inputs from then on, of which the first has those before it as well.
@@ -64,6 +67,7 @@ class Record(InNotebooks):
     y: Array
     x0: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     begin: float | None = field(default=None, kw_only=True)
+    labels: Mapping[str, str] = field(default_factory=dict, kw_only=True)
     before: Array | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -76,6 +80,7 @@ class Record(InNotebooks):
         if self.before is not None:
             object.__setattr__(self, "before", _inputs_before(self.before, t[0], self.u.shape[1]))
         object.__setattr__(self, "begin", float(t[0]) if self.begin is None else as_float(self.begin, "begin"))
+        object.__setattr__(self, "labels", by_name(self.labels, None, "labels", checked_label))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -89,7 +94,8 @@ class Record(InNotebooks):
             raise ValueError(f"samples: expected a slice of consecutive samples, at least one, given {shown(samples)}")
         x0 = self.x0 if first == 0 else {}
         before = np.concatenate([self._rows_before, np.column_stack([self.t, self.u])[:first]]) if first else self.before
-        return Record(self.t[first:last], self.u[first:last], self.y[first:last], x0=x0, begin=self.begin, before=before)
+        t, u, y = (of[first:last] for of in (self.t, self.u, self.y))
+        return Record(t, u, y, x0=x0, begin=self.begin, before=before, labels=self.labels)
 
     @property
     def _rows_before(self) -> Array:
@@ -140,8 +146,8 @@ class Record(InNotebooks):
     def to_csv(self, path: str | Path, model: Model) -> None:
         """Write one row per sample: t, the inputs, and the outputs as ``y_<name>``, empty where not measured.
 
-        Known starts stand in the first row, as ``x0_<name>``, and so do inputs before it, as ``before_<name>``. Where an input of
-        the model is called t, the column of the times is called ``time``.
+        Known starts and labels stand in the first row, as ``x0_<name>`` and by their names, and so do inputs before it, as
+        ``before_<name>``. Where an input of the model is called t, the column of the times is called ``time``.
         """
         self.check(model)
         inputs = names_of(model.inputs)
@@ -157,11 +163,21 @@ class Record(InNotebooks):
             raise ValueError(f"model: expected inputs other than y_<output>, x0_<state> and before_<input>, given {listed(inputs)}")
         first = np.full((len(self), len(self.x0) + len(before)), np.nan)
         first[0] = [*self.x0.values(), *(() if known is None else known)]
-        write_whole(path, csv_text(header, np.column_stack([self.t, self.u, self.y, first]).tolist()))
+        rows = np.column_stack([self.t, self.u, self.y, first]).tolist()
+        names = label_columns(self.labels, (*header, *names_of(model.states)))
+        labels = [self.labels[name] for name in names if name in self.labels]
+        of_rows = [[*row, *(labels if k == 0 else [""] * len(labels))] for k, row in enumerate(rows)]
+        write_whole(path, csv_text((*header, *(name for name in names if name in self.labels)), of_rows))
 
     @classmethod
     def from_table(
-        cls, table: Any, model: Model, *, columns: Mapping[str, str] | None = None, x0: Mapping[str, float] | None = None
+        cls,
+        table: Any,
+        model: Model,
+        *,
+        columns: Mapping[str, str] | None = None,
+        x0: Mapping[str, float] | None = None,
+        labels: Sequence[str] | None = None,
     ) -> Record:
         """Read a record of `model` from a table with the times, the inputs, the measured outputs, and the known starts.
 
@@ -184,6 +200,8 @@ class Record(InNotebooks):
             ``before_<input>`` the input before the first sample, of all inputs or of none.
         x0 : mapping of state name to float, optional
             Start values that are known, SI units; they count instead of those of the table.
+        labels : sequence of str, optional
+            Further columns that have a label in the first row, beside ``plant`` and ``day``.
 
         Raises
         ------
@@ -196,18 +214,21 @@ class Record(InNotebooks):
         """
         check_type(model, Model, "model")
         table = as_table(table, columns)
-        t, u, y, known, before = read_record(table, model)
+        t, u, y, known, before, of = read_record(table, model, labels)
         try:
-            record = cls(t, u, y, x0={**known, **by_name({} if x0 is None else x0, None, "x0", as_float)}, before=before)
+            starts = {**known, **by_name({} if x0 is None else x0, None, "x0", as_float)}
+            record = cls(t, u, y, x0=starts, before=before, labels=of)
         except ValueError as error:
             raise ValueError(f"{table.path}: {error}") from error
         record.check(model)
         return record
 
     @classmethod
-    def from_csv(cls, path: str | Path, model: Model, *, x0: Mapping[str, float] | None = None) -> Record:
+    def from_csv(
+        cls, path: str | Path, model: Model, *, x0: Mapping[str, float] | None = None, labels: Sequence[str] | None = None
+    ) -> Record:
         """Read what `to_csv` wrote: `from_table` of a file with the names of the model."""
-        return cls.from_table(as_path(path, "path"), model, x0=x0)
+        return cls.from_table(as_path(path, "path"), model, x0=x0, labels=labels)
 
     @classmethod
     def merged(

@@ -22,6 +22,7 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..information.assumed import assumed_of
 from ..information.deviations import EXACT, Deviations
+from ..information.local import check_local
 from ..models import Model
 from ..noise.models import Noise, NoiseOf, checked_noise, outputs_of
 from ..noise.sensors import Sensors
@@ -32,6 +33,9 @@ from ..show.numbers import counted
 from ..show.progress import Progress, check_progress, following
 from .fit import Fit
 from .known_noise import KnownNoise
+from .local_spread import LocalSearch
+from .local_unknowns import LocalUnknowns, of_common
+from .local_values import NO_SPREAD, Spread
 from .noise_search import with_noise_found
 from .nuisance import Nuisance, known_beforehand, nuisance_of, own_parameters
 from .observed import Observed, check_outputs
@@ -87,7 +91,8 @@ def estimate(
         Where the search starts; and, for unknown starts of records, "x0_h1". A GaussianPrior gives starts, but takes no part in the
         estimate. Default: the prior's mean, else the model's nominal values.
     parameters : sequence of str, optional
-        Names of the parameters to estimate; the others are known to be at their start. Default: all.
+        Names of the parameters to estimate that all data share; the others are known to be at their start. Default: all that are
+        not local.
     noise : mapping of output name to float or Noise, or NoiseModel, optional
         The sensor noise, SI units: a number is the standard deviation of white noise. Data of outputs that are not named are left
         out. "estimated" looks for the smallest noise that leaves white residuals: white, growing, with a memory
@@ -96,7 +101,8 @@ def estimate(
         None for no bound. Default: what the model itself demands (`Model.least`).
     deviations : Deviations, optional
         By how much constants, loads and starts deviate, such as ``fp.Deviations(uncertain={"m": 0.1})``, or those of a problem,
-        ``problem.deviations``. Default: all of it is known exactly.
+        ``problem.deviations``; and which parameters are local, with a value for each run or plant:
+        ``fp.Deviations(local={"m_load": "run"})``. Default: all of it is known exactly, and all data share their parameters.
     starts : int
         Number of starts where there is a prior: its mean, and nodes spread over it, without those at which trajectories are not
         ok. Where at most half of them come to the best fit, or this leaves residuals that the known noise does not
@@ -123,34 +129,43 @@ def estimate(
     check_type(model, Model, "model")
     check_progress(progress)
     names = names_of(model.parameters)
-    chosen = some_names_among(names if parameters is None else parameters, names, "parameters")
+    check_type(deviations, Deviations, "deviations")
+    local = deviations.local_parameters
+    shared = [name for name in names if name not in local] if parameters is None else parameters
+    chosen = some_names_among(shared, names, "parameters")
     look_for = isinstance(noise, str)
     if isinstance(noise, str):
         noise = None if noise == "estimated" else check_choice(noise, ("estimated",), "noise")
+    if look_for and local:
+        raise ValueError(
+            f"noise: expected the sensor noise, or None, beside local parameters, given 'estimated' and {listed(local)}"
+        )
     if noise is not None:
         noise = checked_noise(noise, names_of(model.outputs))
-    check_type(deviations, Deviations, "deviations")
     uncertain, varies = deviations.uncertain, deviations.varies
+    check_local(local, names, chosen, {"uncertain": uncertain, "varies": varies})
     for label, stds in (("uncertain", uncertain), ("varies", varies)):
         for name in (name for name in chosen if stds is not None and name in stds):
             raise ValueError(f"{label}: expected constants or parameters that are not estimated, given {name!r}, which is")
     parts = _parts(data, model, noise)
+    of_groups = LocalUnknowns.of(local, parts)
     nuisance, starts_anew = nuisance_of(uncertain, deviations.initial_state_std, deviations.shared)
     assumed_of(model, uncertain, varies, deviations.initial_state_std)  # unknown names, and what is in two of them
     joint = nuisance.of(model)
     for label, given in (("prior", prior), ("start", start)):
         if (label == "prior" and given is not None) or isinstance(given, GaussianPrior):
             check_type(given, GaussianPrior, label)
-    spread = prior if prior is not None else start if isinstance(start, GaussianPrior) else None
+    beforehand = prior if prior is not None else start if isinstance(start, GaussianPrior) else None
+    spread = of_common(beforehand, local)
     if nuisance.starts and not all(isinstance(part, Measurements) for part in parts):
         raise ValueError("shared: expected measurements of points or runs, given a record: estimate its start")
-    first = _first(model, prior, start, parts)
+    first = of_groups.starts(_first(model, prior, start, parts))
     theta = joint.theta(model.theta({name: first[name] for name in names}))
     for name, place in zip(joint.nuisance_names, joint.nuisance, strict=True):
         first.setdefault(name, float(theta[place]))
     threads = resolve_threads(threads)
     rtol = check_rtol(rtol)
-    observed = Observed(joint.model, parts, (*chosen, *joint.nuisance_names), theta, rtol, threads)
+    observed = Observed(joint.model, parts, (*chosen, *joint.nuisance_names), theta, rtol, threads, of_groups)
     starts_given = (part.points.x0 for part in parts if isinstance(part, Measurements))
     warn_of_small_states(model, "the starts keep", *starts_given, stacklevel=4)  # past `with_options`
     known_names = dict.fromkeys((*names, *observed.names))
@@ -161,15 +176,16 @@ def estimate(
     begin = {name: first[name] if name in first else start_guess(model, *observed.starts[name]) for name in observed.names}
     scales = {q.name: q.scale or 0.0 for q in model.states}
     sizes = {name: scales[state] for name, (state, _) in observed.starts.items()}
-    limits = checked_bounds(joint.model, bounds, observed.names)
-    unknowns = unknowns_of(begin, known_beforehand(spread, joint, theta), sizes, limits)
+    limits = of_groups.bounds(checked_bounds(joint.model, bounds, (*observed.names, *local)))
+    about = of_groups.coordinates(first, beforehand)
+    unknowns = unknowns_of(begin, known_beforehand(spread, joint, theta), sizes, limits, about)
     for name, log in zip(observed.names, unknowns.log, strict=True):
         if log and not begin[name] > 0:
             raise ValueError(f"start[{name!r}]: expected a positive number, as its prior is log-normal; given {begin[name]:g}")
     starts = check_positive_int(starts, "starts", most=MOST_STARTS)
     with _heard(observed, progress):
         z0 = evaluable_starts(observed, unknowns, begin, spread, starts)
-        factor = prior_factor(known_beforehand(prior, joint, theta), unknowns)
+        factor = prior_factor(known_beforehand(of_common(prior, local), joint, theta), unknowns)
         residuals = WeightedResiduals(observed, unknowns, observed.y[None], np.eye(observed.y.shape[1]), factor)
 
         if noise is not None:
@@ -177,22 +193,25 @@ def estimate(
             of_sensors, anew = np.diag(np.square(sensors.nominal_std)), bool(varies or starts_anew)
             more = SensorNoise.of(sensors, parts, anew, threads)
             known = KnownNoise(joint.model, parts, of_sensors, more, varies, starts_anew, deviations.rule, rtol, threads)
-            found = search_with_known_noise(residuals, z0, known)
+            search = LocalSearch(residuals, known)
+            found, spreads = search(z0)
+        elif any(one.spread is not None for one in local.values()):
+            raise ValueError("noise: expected the sensor noise together with the spread of local parameters, given none")
         elif varies or starts_anew:
             raise ValueError("noise: expected the sensor noise together with varies or initial_state_std, given none")
         else:
             check_noise_is_determined(observed, prior)
             found = search_with_unknown_noise(residuals, z0)
-            of_sensors = found.residuals.covariance
+            of_sensors, spreads = found.residuals.covariance, NO_SPREAD
 
-        fit = _fit(model, nuisance, parts, prior, noise, of_sensors, found, len(z0))
+        fit = _fit(model, nuisance, parts, prior, noise, of_sensors, found, len(z0), spreads)
         if not fit.noise_known:
             fit = _with_unbiased_noise(fit)
             return _heard_of(with_noise_found(fit, partial(_refitted, residuals)) if look_for else fit)
         if len(z0) > 1 and spread is not None and (fit.unexplained or 2 * fit.reached <= fit.starts):
             further = further_starts(found.residuals, begin, spread, len(z0))
-            again = search_with_known_noise(residuals, np.concatenate([found.z[None], further]), known)
-            fit = _better(fit, _fit(model, nuisance, parts, prior, noise, of_sensors, again, len(z0) + len(further)))
+            again, spreads = search(np.concatenate([found.z[None], further]))
+            fit = _better(fit, _fit(model, nuisance, parts, prior, noise, of_sensors, again, len(z0) + len(further), spreads))
         return _heard_of(fit)
 
 
@@ -247,6 +266,7 @@ def _fit(
     sensors: Array,
     found: FoundMinimum,
     starts: int,
+    spread: Mapping[str, Spread] = NO_SPREAD,
 ) -> Fit:
     observed, values = found.residuals.observed, found.residuals.unknowns.values(found.z[None])
     response = observed.respond(values)
@@ -267,6 +287,7 @@ def _fit(
         starts=starts,
         reached=found.reached,
         weighted=found.residuals,
+        spread=spread,
     )
 
 

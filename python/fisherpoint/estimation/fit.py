@@ -80,7 +80,7 @@ class Fit(FitStatistics, Shown):
         Parameters
         ----------
         names : iterable of str, optional
-            Of `parameters`. Default: all of them.
+            Of `parameters`. Default: `common`, all but the values of local parameters.
         level : float
             Probability of the intervals.
         threads : int, optional
@@ -159,10 +159,10 @@ class Fit(FitStatistics, Shown):
 
         Parameters
         ----------
-        kind : {"parity", "residuals", "time", "autocorrelation", "correlation", "ellipses", "profiles"}
+        kind : {"parity", "residuals", "time", "autocorrelation", "correlation", "ellipses", "local", "profiles"}
             Measured against predicted outputs; residuals in units of the noise; records and runs over time; autocorrelation and
-            spectrum of what is left in these; the correlation of the estimates; joint confidence ellipses; the profile likelihood
-            of every unknown, which takes a while.
+            spectrum of what is left in these; the correlation of the estimates; joint confidence ellipses; the values of local
+            parameters; the profile likelihood of every unknown, which takes a while.
         path : path, optional
             Where the picture is also written; the ending says the format, PNG where there is none.
         progress : bool or callable, optional
@@ -182,7 +182,7 @@ class Fit(FitStatistics, Shown):
             from .pictures import PLOTS, plot_profiles
 
         if check_choice(kind, (*PLOTS, "profiles"), "kind") == "profiles":
-            return drawn(plot_profiles([self.profile(name, progress=progress) for name in self.parameters]), path)
+            return drawn(plot_profiles([self.profile(name, progress=progress) for name in self.common]), path)
         return drawn(PLOTS[kind](self), path)
 
     def to_pandas(self) -> pd.DataFrame:
@@ -203,7 +203,8 @@ class Fit(FitStatistics, Shown):
         return fit_dict(self)
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Write ``estimate.csv``, ``residuals.csv`` and ``fit.json`` (`to_dict`); return their paths.
+        """Write ``estimate.csv``, ``residuals.csv`` and ``fit.json`` (`to_dict`), and ``local.csv`` of local parameters; return
+        their paths.
 
         Each appears whole or not at all, and fit.json last: where it stands, what is beside it belongs to it. Of a fit that was
         there before, the command line's report and pictures go.

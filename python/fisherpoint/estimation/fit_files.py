@@ -55,6 +55,23 @@ def fit_dict(fit: FitStatistics) -> dict[str, Any]:
                 }
                 for name, value in fit.estimate.items()
             },
+            "local": [
+                {
+                    "parameter": one.parameter,
+                    "by": one.by,
+                    "group": one.group,
+                    "unit": fit.units[f"{one.parameter}[{one.group}]"],
+                    "estimate": one.estimate,
+                    "standard_error": one.standard_error,
+                    "interval_95": list(one.interval),
+                }
+                for of in fit.local.values()
+                for one in of.values()
+            ],
+            "spread": {
+                name: {"std": one.std, "standard_error": one.standard_error, "interval_95": one.interval}
+                for name, one in fit.spread.items()
+            },
             "covariance": fit.covariance,
             "correlation": fit.correlation,
             "information": fit.information,
@@ -114,8 +131,10 @@ def save_fit(fit: FitStatistics, directory: str | Path) -> list[Path]:
         "residuals.csv": _residuals_csv(fit),
         "fit.json": _whole(fit),
     }
+    if fit.local:
+        contents = {"local.csv": _local_csv(fit), **contents}
     directory.mkdir(parents=True, exist_ok=True)
-    return write_together(directory, contents, stale=(*REPORTS, *PICTURES))
+    return write_together(directory, contents, stale=(*REPORTS, *PICTURES, *(() if fit.local else ("local.csv",))))
 
 
 def _whole(fit: FitStatistics) -> str:
@@ -153,11 +172,22 @@ def _plain(given: Any) -> Any:
 def _estimate_csv(fit: FitStatistics) -> str:
     header = ["parameter", "unit", "estimate", "standard_error", "rse", "lower_95", "upper_95", "prior_mean", "prior_std"]
     rows: list[list[float | str]] = []
-    for name, value in fit.estimate.items():
+    for name in fit.common:
+        value = fit.estimate[name]
         prior = fit.prior if fit.prior is not None and name in fit.prior.names else None
         numbers = [value, fit.standard_errors[name], fit.rse[name], *fit.intervals()[name]]
         numbers += [np.nan, np.nan] if prior is None else [prior.mean[name], prior.std[name]]
         rows.append([name, fit.units[name], *numbers])
+    return csv_text(header, rows, "\n")
+
+
+def _local_csv(fit: FitStatistics) -> str:
+    header = ["parameter", "by", "group", "unit", "estimate", "standard_error", "lower_95", "upper_95"]
+    rows: list[list[float | str]] = [
+        [one.parameter, one.by, one.group, fit.units[f"{name}[{group}]"], one.estimate, one.standard_error, *one.interval]
+        for name, values in fit.local.items()
+        for group, one in values.items()
+    ]
     return csv_text(header, rows, "\n")
 
 

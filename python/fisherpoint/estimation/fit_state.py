@@ -17,12 +17,16 @@ from ..basics.stop_reason import StopReason
 from ..basics.values import Array
 from ..data.measurements import Measurements
 from ..data.record import Record
+from ..information.local import Local
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
 from ..noise.models import NoiseOf, checked_noise
 from ..noise.sensors import Sensors
 from ..points.settings import resolve_threads
 from ..prior.gaussian import GaussianPrior
+from .local_spread import beside
+from .local_unknowns import LocalUnknowns, of_common
+from .local_values import Spread
 from .noise_estimate import OutputNoiseEstimate
 from .nuisance import Nuisance, known_beforehand
 from .observed import Observed, check_outputs
@@ -54,6 +58,10 @@ class FitState(Kept):
         Errors of all samples of a run.
     weighed_at : ndarray, (N, n_y), or None
         Outputs at which noise that grows is taken, where readings are weighed as normal ones.
+    local : mapping of name to Local
+        Parameters with a value for each group of the data.
+    spread : mapping of name to Spread
+        As of `FitStatistics`.
     """
 
     model: Model
@@ -76,6 +84,8 @@ class FitState(Kept):
     evaluations: int
     starts: int
     reached: int
+    local: Mapping[str, Local]
+    spread: Mapping[str, Spread]
     noise_estimate: Mapping[str, OutputNoiseEstimate] | None = None
 
     _CODEC: ClassVar[Codec] = {Model: (model_to_json, model_from_json)}
@@ -88,6 +98,8 @@ class FitState(Kept):
         "common.moved": ("*", "model.outputs", "*"),
         "common.variances": ("*", "model.outputs"),
         "nuisance.starts": ("any model.states",),
+        "local": ("any model.parameters",),
+        "spread": ("any local",),
     }
     _POSITIVE = ("rtol",)
 
@@ -101,7 +113,11 @@ class FitState(Kept):
             prior=fit.prior,
             prior_takes_part=fit.prior is not None and weighted.prior_factor is not None,
             nuisance=fit.nuisance,
-            estimated=tuple(name for name in unknowns.names if name in names and name not in fit.nuisance.uncertain),
+            estimated=tuple(
+                name
+                for name in unknowns.names
+                if name in names and name not in (*fit.nuisance.uncertain, *weighted.observed.local.local)
+            ),
             theta=fit.theta,
             values=fit.values,
             rtol=weighted.observed.rtol,
@@ -117,6 +133,8 @@ class FitState(Kept):
             starts=fit.starts,
             reached=fit.reached,
             noise_estimate=fit.noise_estimate,
+            local=weighted.observed.local.local,
+            spread=fit.spread,
         )
 
     def fields(self) -> dict[str, Any]:
@@ -134,19 +152,19 @@ class FitState(Kept):
         names_among(self.estimated, names_of(model.parameters), "estimated")
         joint = self.nuisance.of(model)
         full = joint.theta(self.theta)
-        observed = Observed(
-            joint.model, self.data, (*self.estimated, *joint.nuisance_names), full, self.rtol, resolve_threads(None)
-        )
+        of_groups, common = LocalUnknowns.of(self.local, self.data), (*self.estimated, *joint.nuisance_names)
+        observed = Observed(joint.model, self.data, common, full, self.rtol, resolve_threads(None), of_groups)
         if self.unknowns.names != observed.names:
             raise ValueError(f"unknowns: expected {listed(observed.names)}; given {listed(self.unknowns.names)}")
         self._check_numbers(observed)
-        beforehand = known_beforehand(self.prior if self.prior_takes_part else None, joint, full)
-        factor = prior_factor(beforehand, self.unknowns)
+        prior = of_common(self.prior, self.local) if self.prior_takes_part else None
+        rows = of_groups.spread_rows(self.unknowns, {name: one.std for name, one in self.spread.items()})
+        factor = beside(prior_factor(known_beforehand(prior, joint, full), self.unknowns), rows)
         weighted = WeightedResiduals(observed, self.unknowns, observed.y[None], self.weights, factor, self.common, self._noise())
         response = observed.respond(values[None])
         kept = ("model", "data", "prior", "nuisance", "theta", "values", "noise_known", "noise", "noise_covariance", "stop_reason")
         return {
-            **{name: getattr(self, name) for name in (*kept, "evaluations", "starts", "reached", "noise_estimate")},
+            **{name: getattr(self, name) for name in (*kept, "evaluations", "starts", "reached", "noise_estimate", "spread")},
             "predicted": response.y[0],
             "residuals": observed.y - response.y[0],
             "weighted": weighted,

@@ -70,9 +70,9 @@ class KnownNoise:
             sensors = noise.covariance
         if not self.assumed:
             return residuals.weighed(sensors, (), noise)
-        theta, shape = residuals.observed.parameters(values)[0], self.sensors.shape
+        shape = self.sensors.shape
         shares, moves = [np.zeros((0, *shape))], list[RunMoves]()
-        for part in self.parts:
+        for part, theta in zip(self.parts, residuals.observed.of_sets(values), strict=True):
             if not isinstance(part, Measurements):
                 label = "varies" if self.varies else "initial_state_std"
                 raise ValueError(

@@ -15,99 +15,7 @@ from numpy.typing import NDArray
 
 from ..basics.stop_reason import StopReason
 from ..basics.values import Array, IntArray
-
-NOTHING = 1e-100
-"""A derivative that is none, and so is that share of a column's largest: squares of less are below 1e-200, and soon no numbers."""
-
-CLEAR = 1e-3
-"""Part of a column that the columns before it do not have, from which on no direction can be negligible."""
-
-
-class Tangent(NamedTuple):
-    """J = Q R diag(size) of B Jacobians (B, M, P), K = min(M, P).
-
-    Attributes
-    ----------
-    size : ndarray, (B, P)
-        Lengths of the columns; 1 for one of zeros.
-    triangle : ndarray, (B, K, P)
-        R, with columns of length 1.
-    basis : ndarray, (B, M, K)
-        Q.
-    along : ndarray, (B, K)
-        Q^T r: the residuals' part along the tangent space.
-    blank : ndarray of bool, (B, P)
-        Columns of next to nothing: unknowns that no residual notices.
-    """
-
-    size: Array
-    triangle: Array
-    basis: Array
-    along: Array
-    blank: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, r: Array, jacobian: Array) -> Tangent:
-        largest = np.abs(jacobian).max(axis=1, initial=0.0)  # squares of very small or large columns have no place in a double
-        blank = largest < NOTHING
-        size = np.where(blank, 1.0, largest)
-        scaled = jacobian / size[:, None, :]
-        scaled[np.abs(scaled) < NOTHING] = 0.0
-        length = np.sqrt(np.einsum("bmp,bmp->bp", scaled, scaled))
-        length = np.where(blank, 1.0, length)
-        basis, triangle = np.linalg.qr(scaled / length[:, None, :])
-        return cls(size * length, triangle, basis, (basis.transpose(0, 2, 1) @ r[:, :, None])[:, :, 0], blank)
-
-    def some(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Tangent:
-        """Tangents of these problems alone."""
-        return Tangent(self.size[rows], self.triangle[rows], self.basis[rows], self.along[rows], self.blank[rows])
-
-    def put(self, rows: NDArray[np.intp], other: Tangent) -> None:
-        """Take these problems over from another one."""
-        for part, new in zip(self, other, strict=True):
-            part[rows] = new
-
-    @property
-    def gradient(self) -> Array:
-        """Gradient (B, P) of half the sum of squares."""
-        return self.size * (self.triangle.transpose(0, 2, 1) @ self.along[:, :, None])[:, :, 0]
-
-    def length(self, free: NDArray[np.bool_], negligible: float) -> Array:
-        """How much of the residuals lies in the tangent space of the coordinates that are free (B, P): (B,).
-
-        That is the length of the Gauss-Newton step, measured by its effect: of residuals in units of the noise, in standard errors.
-        Directions with less than a share `negligible` of the largest singular value, of columns of length 1, do not count.
-        """
-        length: Array = np.sqrt(np.einsum("bk,bk->b", self.along, self.along))
-        pivots = np.abs(np.einsum("bkk->bk", self.triangle[:, :, : self.triangle.shape[1]]))
-        short = self.triangle.shape[1] < self.size.shape[1]
-        some = np.flatnonzero(~free.all(axis=1) | (pivots.min(axis=1, initial=1.0) < CLEAR) | short)
-        if len(some):
-            turned, values, _ = np.linalg.svd(self.triangle[some] * free[some, None, :], full_matrices=False)
-            parts = (turned.transpose(0, 2, 1) @ self.along[some, :, None])[:, :, 0]
-            nonzero = values > negligible * values[:, :1]
-            length[some] = np.sqrt(np.square(np.where(nonzero, parts, 0.0)).sum(axis=1))
-        return length
-
-    def damped(self, free: NDArray[np.bool_], units: Array, damping: Array) -> Damped:
-        """Steps s that minimise ||r + J s||^2 + damping ||units s||^2 over free coordinates; damping (B,) is positive."""
-        scaled = self.triangle * np.where(free, self.size / units, 0.0)[:, None, :]
-        below = np.sqrt(damping)[:, None, None] * np.eye(units.shape[1])
-        basis, triangle = np.linalg.qr(np.concatenate([scaled, below], axis=1))
-        return Damped(units, basis[:, : scaled.shape[1]], triangle)
-
-
-class Damped(NamedTuple):
-    """The damped least squares by their orthogonal factors, for several right-hand sides."""
-
-    units: Array
-    basis: Array
-    triangle: Array
-
-    def step(self, along: Array) -> Array:
-        """Steps (B, P) that answer a part of the residuals along the tangent space (B, K)."""
-        return np.linalg.solve(self.triangle, -(self.basis.transpose(0, 2, 1) @ along[:, :, None]))[:, :, 0] / self.units
-
+from .tangent_space import DENSE, DampedSteps, Layout, TangentSpace
 
 CONVERGED, LIMIT, STALLED, NOT_EVALUABLE, UNNOTICED, ROUGH, UNSETTLED, RAN_OFF = range(8)
 ENDS = {
@@ -211,6 +119,7 @@ def minimise(
     unit: float = 1.0,
     accuracy: Accuracy = EXACT,
     tolerance: float | Array = TOLERANCE,
+    layout: Layout = DENSE,
 ) -> Minima:
     """Minimise half the sum of squared residuals of B problems of P coordinates each.
 
@@ -228,12 +137,14 @@ def minimise(
         Of the residuals.
     tolerance : float or ndarray, (B,)
         As `TOLERANCE`; more where only costs are needed, which are half its square too large then, in squares of the noise.
+    layout : Layout
+        How the residuals' Jacobians are stored.
 
     Returns
     -------
     Minima
     """
-    search = _Searches(residuals, z0, lower, upper, unit, accuracy, tolerance)
+    search = _Searches(residuals, z0, lower, upper, unit, accuracy, tolerance, layout)
     iteration = 0
     while len(search.active):
         search.iterate(iteration >= CURVED_FROM)
@@ -254,14 +165,16 @@ class _Searches:
         unit: float,
         accuracy: Accuracy,
         tolerance: float | Array,
+        layout: Layout,
     ) -> None:
+        self.layout = layout
         self.residuals, self.lower, self.upper, self.unit = residuals, lower, upper, unit
         self.negligible = max(LEAST_NEGLIGIBLE, 30 * accuracy.precision)
         count = len(z0)
         self.tolerance = np.broadcast_to(tolerance, count)
         self.z, everything = z0.copy(), np.arange(count)
         self.r, self.jacobian, ok = self._evaluated(self.z, everything)
-        self.cost, self.tangent = _cost(self.r), Tangent.of(self.r, self.jacobian)
+        self.cost, self.tangent = _cost(self.r), layout.tangent(self.r, self.jacobian)
         self.units = np.where(self.tangent.blank, 0.0, self.tangent.size)  # longest columns that were met
         self.free, self.length = self._free(self.z, self.tangent), np.full(count, np.inf)
         self.length[ok] = self.tangent.some(ok).length(self.free[ok], self.negligible)
@@ -285,12 +198,12 @@ class _Searches:
             r, jacobian = np.where(ok[:, None], r, 0.0), np.where(ok[:, None, None], jacobian, 0.0)
         return r, jacobian, ok
 
-    def _free(self, z: Array, tangent: Tangent) -> NDArray[np.bool_]:
+    def _free(self, z: Array, tangent: TangentSpace) -> NDArray[np.bool_]:
         """Whether no bound holds a coordinate."""
         gradient = tangent.gradient
         return ~(((z <= self.lower) & (gradient > 0)) | ((z >= self.upper) & (gradient < 0)))
 
-    def _spacing(self, z: Array, tangent: Tangent) -> Array:
+    def _spacing(self, z: Array, tangent: TangentSpace) -> Array:
         """Length (B,) of what the residuals change by where every coordinate goes to the next double."""
         return np.asarray((np.where(tangent.blank, 0.0, tangent.size) * np.abs(self.spaced(z))).sum(axis=1))
 
@@ -320,10 +233,10 @@ class _Searches:
 
         r, jacobian, ok = self._evaluated(trial, some)
         self.evaluations[some] += 1
-        cost, new = _cost(r), Tangent.of(r, jacobian)
+        cost, new = _cost(r), self.layout.tangent(r, jacobian)
         free = self._free(trial, new)
         new_length = new.length(free, self.negligible)
-        effect = (self.jacobian[some] @ taken[:, :, None])[:, :, 0]
+        effect = self.layout.effect(self.jacobian[some], taken)
         expected = -(tangent.gradient * taken).sum(axis=1) - 0.5 * np.square(effect).sum(axis=1)
         gain = np.divide(self.cost[some] - cost, expected, out=np.full(len(some), -1.0), where=expected > 0)
         foreseen = np.abs(gain - 1) < AS_EXPECTED
@@ -372,15 +285,15 @@ class _Searches:
         return np.asarray((self.length[some] <= least) | nothing)
 
     def _bend(
-        self, some: NDArray[np.intp], taken: Array, damped: Damped, wanted: NDArray[np.bool_]
+        self, some: NDArray[np.intp], taken: Array, damped: DampedSteps, wanted: NDArray[np.bool_]
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Second-order correction of a step (Transtrum and Sethna 2012), and whether it is too large for the step to be right."""
         reach = np.clip(self.z[some] + REACH * taken, self.lower, self.upper) - self.z[some]
         r, _, ok = self._evaluated(self.z[some] + reach, some)
         self.evaluations[some] += 1
-        effect = (self.jacobian[some] @ reach[:, :, None])[:, :, 0]
+        effect = self.layout.effect(self.jacobian[some], reach)
         curvature = 2 * (r - self.r[some] - effect) / REACH**2
-        bend = 0.5 * damped.step((self.tangent.basis[some].transpose(0, 2, 1) @ curvature[:, :, None])[:, :, 0])
+        bend = 0.5 * damped.step(self.tangent.some(some).projected(curvature))
         ratio = 2 * np.linalg.norm(damped.units * bend, axis=1) / np.maximum(np.linalg.norm(damped.units * taken, axis=1), 1e-300)
         usable = ok & wanted
         return np.where((usable & (ratio <= BEND))[:, None], bend, 0.0), usable & (ratio > BEND)

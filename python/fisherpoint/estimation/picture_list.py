@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from .profile_curve import ProfileCurve
     from .statistics import FitStatistics
 
-PICTURES = ("parity.png", "residuals.png", "time.png", "autocorrelation.png", "correlation.png", "ellipses.png", "profiles.png")
+KINDS = ("parity", "residuals", "time", "autocorrelation", "correlation", "ellipses", "local", "profiles")
+
+PICTURES = tuple(f"{kind}.png" for kind in KINDS)
 """Pictures of a fit that the command line may draw."""
 
 
@@ -26,8 +28,10 @@ def plots_of(fit: FitStatistics, profiles: Sequence[ProfileCurve] = ()) -> Plots
         names.append("time")
     if any(len(check.autocorrelation.values) for check in fit.residual_checks.values()):
         names.append("autocorrelation")
-    if len(fit.parameters) > 1:
+    if len(fit.common) > 1:
         names += ["correlation", "ellipses"]
+    if fit.local:
+        names.append("local")
     plots = {name: partial(_drawn, name, fit) for name in names}
     return {**plots, "profiles": partial(_profiles, profiles)} if profiles else plots
 

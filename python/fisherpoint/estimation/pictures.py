@@ -36,6 +36,7 @@ from ..show.style import (
     show_under_mouse,
 )
 from ..show.time_axes import RunTime, is_crowded, make_logarithmic_from_zero, shares_of
+from .local_pictures import plot_local
 from .profile_curve import ProfileCurve
 from .residual_pictures import plot_autocorrelation
 from .statistics import FitStatistics
@@ -113,8 +114,9 @@ def plot_residuals(fit: FitStatistics) -> Figure:
 
 def plot_correlation(fit: FitStatistics) -> Figure:
     """Correlation of the estimates; empty rows are unknowns that the data do not determine."""
-    names, count = fit.parameters, len(fit.parameters)
-    correlation = np.where(np.outer(fit.precision.determined, fit.precision.determined), fit.correlation, np.nan)
+    names, count = fit.common, len(fit.common)
+    known = fit.precision.determined[:count]
+    correlation = np.where(np.outer(known, known), fit.correlation[:count, :count], np.nan)
     with mpl.rc_context({**STYLE, "axes.grid": False}):
         figure = Picture(figsize=(2.6 + 0.52 * count, 1.6 + 0.5 * count), layout="constrained")
         axes = figure.subplots()
@@ -138,7 +140,7 @@ def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
 
     The quantile is that of chi-square with two degrees of freedom; where the noise was estimated, twice that of F.
     """
-    names, unknowns, determined = fit.parameters, fit.weighted.unknowns, fit.precision.determined
+    names, unknowns, determined = fit.common, fit.weighted.unknowns, fit.precision.determined
     pairs = [pair for pair in combinations(range(len(names)), 2) if determined[list(pair)].all()]
     pairs = sorted(sorted(pairs, key=lambda pair: -abs(fit.correlation[pair]))[:MOST_PAIRS])
     degrees = np.array(list(fit.quantile_degrees_of_freedom.values()))
@@ -216,7 +218,7 @@ def plot_time(fit: FitStatistics) -> Figure:
     with mpl.rc_context(STYLE):
         if not series:
             return nothing_drawn("Over time: there is no record or run among the data")
-        paths = [None if run is None else _between_samples(fit, run) for _, _, run in series]
+        paths = [None if run is None else _between_samples(fit, run, rows.start) for _, rows, run in series]
         times = [
             None if run is None else RunTime(run.dt[0, : run.segments[0]], path if run.segments[0] == 1 else None)
             for (_, _, run), path in zip(series, paths, strict=True)
@@ -261,13 +263,13 @@ def plot_time(fit: FitStatistics) -> Figure:
     return figure
 
 
-def _between_samples(fit: FitStatistics, run: Runs) -> NDArray[np.float64]:
+def _between_samples(fit: FitStatistics, run: Runs, sample: int) -> NDArray[np.float64]:
     """Outputs on the whole way of a run, as the estimate has it; NaN where the trajectory does not get to."""
     n = int(run.segments[0])
     shares = shares_of(n)
     fine, count = run.divided(shares), n * len(shares)
     observed = fit.weighted.observed
-    model, theta = observed.model, observed.parameters(fit.values[None])[0]
+    model, theta = observed.model, observed.of_sample(fit.values, sample)
     settings = checked_arguments(model, fine, theta, observed.rtol, None, "cross", "cross", None)
     found = checked_run_trajectories(model, fine, theta, settings)
     reached = np.arange(count) < found.reached[0]
@@ -281,6 +283,7 @@ PLOTS: dict[str, Callable[[FitStatistics], Figure]] = {
     "autocorrelation": plot_autocorrelation,
     "correlation": plot_correlation,
     "ellipses": plot_ellipses,
+    "local": plot_local,
 }
 """The pictures of a fit by their kind, but for profiles, which are computed first."""
 

@@ -10,9 +10,14 @@ from numpy.typing import NDArray
 from ..basics.values import Array
 from ..information.combinations import changes_of
 from ..information.null_space import column_scaled_svd, pivots, reduced_basis, without_rounding
+from .bordered import BorderedTangent
 
 NULL, WEAK = 1e-8, 1e-4
 """Shares of the largest singular value, of columns scaled to length 1, below which a direction is null, and weak."""
+
+
+POWERS = 30
+"""Steps of a power iteration, after which it is within a few per cent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +61,14 @@ class Precision:
         determined = ~(np.abs(null) > 1e-6).any(axis=0) if len(null) else np.ones(len(length), dtype=bool)
         return cls(jacobian.T @ jacobian, half @ half.T, determined, null, weak)
 
+    @classmethod
+    def of_blocks(cls, tangent: BorderedTangent) -> Precision:
+        """The precision of a Jacobian that `is_clear`, from its factors: R^-1 R^-T, and no directions."""
+        triangle = tangent.layout.triangle(tangent.factor)[0] * tangent.size[0]
+        inverse = tangent.layout.inverse(tangent.factor)[0] / tangent.size[0][:, None]
+        p = len(triangle)
+        return cls(triangle.T @ triangle, inverse @ inverse.T, np.ones(p, dtype=bool), np.zeros((0, p)), np.zeros((0, p)))
+
     def _among(self, jacobian: Array, free: NDArray[np.bool_]) -> Precision:
         """This one of the free unknowns alone, as that of all."""
         p = len(free)
@@ -64,6 +77,23 @@ class Precision:
         null, weak = np.zeros((len(self.null), p)), np.zeros((len(self.weak), p))
         null[:, free], weak[:, free] = self.null, self.weak
         return Precision(jacobian.T @ jacobian, covariance, determined, null, weak)
+
+
+def is_clear(tangent: BorderedTangent) -> bool:
+    """Whether a Jacobian with columns of length 1 has no weak direction, by far."""
+    if tangent.blank.any() or not tangent.factor.pivots().min(initial=1.0) > WEAK:
+        return False
+    triangle, inverse = tangent.layout.triangle(tangent.factor)[0], tangent.layout.inverse(tangent.factor)[0]
+    return _largest(triangle) * _largest(inverse) < 0.5 / WEAK
+
+
+def _largest(matrix: Array) -> float:
+    """The largest singular value, by power iteration."""
+    vector, length = np.cos(np.arange(len(matrix), dtype=np.float64)), 0.0
+    for _ in range(POWERS):
+        vector = matrix.T @ (matrix @ (vector / np.linalg.norm(vector)))
+        length = float(np.sqrt(np.linalg.norm(vector)))
+    return length
 
 
 def covariances(jacobian: Array, held: NDArray[np.bool_] | None = None) -> tuple[Array, NDArray[np.bool_]]:

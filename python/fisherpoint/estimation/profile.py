@@ -172,7 +172,7 @@ def profiles_of(
 ) -> dict[str, Profile]:
     """See `Fit.profiles`."""
     check_progress(progress)
-    chosen = fit.parameters if names is None else some_names_among(names, fit.parameters, "names")
+    chosen = fit.common if names is None else some_names_among(names, fit.parameters, "names")
     found: dict[str, Profile] = {}
     started = perf_counter()
     with following(progress, "profiles") as report, distributed_over(workers, check_threads(threads)) as distributor:

@@ -12,6 +12,7 @@ from ..information.problem_report import noise_in_words
 from ..prior.gaussian import GaussianPrior
 from ..show.numbers import counted, digits_of, number, percent, probability
 from ..show.section import Report, Section
+from .local_report import local_findings, local_sections
 from .profile_curve import ProfileCurve
 from .residual_checks import OFF
 from .residual_report import noise_section, residual_findings, residual_section, robust_errors_differ
@@ -45,7 +46,9 @@ def headline(fit: FitStatistics) -> str:
     kind += ", noise found in the residuals" if fit.noise is not None and not fit.noise_known else ""
     if fit.prior is not None and fit.weighted.prior_factor is not None:
         kind = f"maximum a posteriori, {'noise given' if fit.noise_known else 'noise estimated'}"
-    unknowns = counted(len(fit.parameters), "unknown")
+    unknowns = counted(len(fit.common), "unknown")
+    if fit.local:
+        unknowns += f" and {counted(len(fit.parameters) - len(fit.common), 'local one')}"
     return f"Fit of {fit.model.name}: {unknowns} from {counted(count, 'number')} in {counted(samples, 'sample')}, {kind}"
 
 
@@ -56,7 +59,7 @@ def fit_facts(fit: FitStatistics) -> list[tuple[str, str]]:
     return [
         ("model", fit.model.name),
         ("data", ", ".join(parts)),
-        ("unknowns", ", ".join(fit.parameters)),
+        ("unknowns", ", ".join((*fit.common, *(f"{name} of {counted(len(of), 'group')}" for name, of in fit.local.items())))),
         ("sensor noise, one std", given if fit.noise_known else " ".join(["estimated from the residuals", given]).strip()),
     ]
 
@@ -64,6 +67,7 @@ def fit_facts(fit: FitStatistics) -> list[tuple[str, str]]:
 def sections(fit: FitStatistics) -> Iterator[Section]:
     """The tables: unknowns, outputs, and noise beside residuals."""
     yield _unknowns(fit)
+    yield from local_sections(fit)
     if fit.prior is not None and fit.weighted.prior_factor is not None:
         yield _beside_prior(fit, fit.prior)
     yield _outputs(fit)
@@ -123,7 +127,9 @@ def warnings(fit: FitStatistics) -> Iterator[str]:
             f"the noise is estimated with {_degrees(fit.degrees_of_freedom)} left: standard errors are rough; give noise, "
             "or measure more"
         )
-    names, correlation = fit.parameters, fit.correlation
+    yield from local_findings(fit)
+    names = fit.common
+    correlation = fit.correlation[: len(names), : len(names)]
     for i, j in zip(*np.nonzero(np.triu(np.abs(correlation) > STRONG, 1)), strict=True):
         yield f"{names[i]} and {names[j]} cannot be separated: their correlation is {correlation[i, j]:.3f}"
 
@@ -153,8 +159,8 @@ def _unknowns(fit: FitStatistics) -> Section:
     beside = fit.robust_standard_errors if robust_errors_differ(fit) else None
     columns = ("parameter", "unit", "estimate", "std error", *(("robust",) if beside else ()), "RSE", "95 % interval")
     rows: list[tuple[str, ...]] = []
-    for name, value in fit.estimate.items():
-        error, (low, high) = errors[name], intervals[name]
+    for name in fit.common:
+        value, error, (low, high) = fit.estimate[name], errors[name], intervals[name]
         digits = digits_of(value, error)
         if name in fit.at_bounds:
             rows.append((name, units[name], number(value, digits), "at its bound", *(["-"] if beside else []), "-", "-"))
@@ -164,7 +170,7 @@ def _unknowns(fit: FitStatistics) -> Section:
         rows.append((*row, f"{number(low, min(digits, 6))} to {number(high, min(digits, 6))}"))
     marked = {*fit.at_bounds, *(name for name, error in errors.items() if not np.isfinite(error))}
     title = "Estimates" + ("" if fit.noise_known else ", intervals by Student's t")
-    return Section(title, columns, tuple(rows), tuple(i for i, name in enumerate(fit.parameters) if name in marked))
+    return Section(title, columns, tuple(rows), tuple(i for i, name in enumerate(fit.common) if name in marked))
 
 
 def _beside_prior(fit: FitStatistics, prior: GaussianPrior) -> Section:

@@ -124,6 +124,24 @@ class Series:
         return cls(np.concatenate(numbers), np.concatenate(points), np.concatenate(settings), names)
 
 
+class ShareOfBlocks(NamedTuple):
+    """Q with Q Q^T as what the fit has taken from the residuals' covariance.
+
+    Attributes
+    ----------
+    rows : ndarray, (N, n_y, k)
+        Columns that all samples share, and behind these those of a sample's own block.
+    common : int
+        Number of the former.
+    number : ndarray of int, (N,)
+        Of each sample's block.
+    """
+
+    rows: Array
+    common: int
+    number: NDArray[np.intp]
+
+
 class WhitenedRows(NamedTuple):
     """All that the tests of residuals and robust standard errors need, beside which samples belong together.
 
@@ -134,12 +152,15 @@ class WhitenedRows(NamedTuple):
     covariance : ndarray, (P, P)
         F^-1, of what is determined.
     measured : ndarray of bool, (N, n_y)
+    blocks : ShareOfBlocks or None
+        What the fit has taken, by blocks of samples; None where that is from the whole Jacobian.
     """
 
     residuals: Array
     jacobian: Array
     covariance: Array
     measured: NDArray[np.bool_]
+    blocks: ShareOfBlocks | None = None
 
 
 def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: NDArray[np.bool_]) -> Mapping[str, ResidualCheck]:
@@ -153,8 +174,9 @@ def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: ND
     judged : ndarray of bool, (n_y,)
         Outputs whose residuals are more than numerical errors.
     """
-    residuals, jacobian, covariance, measured = rows
-    factor, is_point = root(covariance), np.zeros(len(residuals), dtype=bool)
+    residuals, jacobian, covariance, measured, of_blocks = rows
+    factor = root(covariance) if of_blocks is None else None
+    is_point = np.zeros(len(residuals), dtype=bool)
     is_point[series.points] = True
     checks = {}
     for i, name in enumerate(names_of(model.outputs)):
@@ -163,8 +185,10 @@ def residual_checks(model: Model, series: Series, rows: WhitenedRows, judged: ND
         here = measured[:, i] & ~is_point
         counts = np.bincount(series.numbers[here], minlength=1)
         here &= (counts > 1)[np.minimum(series.numbers, len(counts) - 1)]
-        e, share, numbers = residuals[here, i], jacobian[here, i] @ factor, series.numbers[here]
-        found, frequencies = autocorrelation(e, share, numbers), spectrum(e, share, numbers)
+        e, numbers = residuals[here, i], series.numbers[here]
+        share = jacobian[here, i] @ factor if of_blocks is None else of_blocks.rows[here, i]
+        blocks = None if of_blocks is None else (of_blocks.common, of_blocks.number[here])
+        found, frequencies = autocorrelation(e, share, numbers, blocks=blocks), spectrum(e, share, numbers)
         lags, lag_p_value = portmanteau(found)
         points = measured[series.points, i]
         signs = fewest_sign_changes(residuals[series.points[points], i], series.settings[points], series.names)
@@ -187,6 +211,10 @@ def robust(
     rows: WhitenedRows,
     of_prior: Array,
 ) -> Sandwich:
-    """The robust covariance of the estimate, prewhitened where residuals are not white; `of_prior` (P, P) is its information."""
+    """The robust covariance of the estimate, prewhitened where residuals are not white; `of_prior` (P, P) is its information.
+
+    Series have the weight that they have for the common unknowns.
+    """
     memories = [checks[name].memory or NoiseMemory() if name in checks else NoiseMemory() for name in names_of(model.outputs)]
-    return sandwich(*rows[:3], series.numbers, rows.measured, memories, of_prior)
+    shares = None if rows.blocks is None else (rows.blocks.rows, rows.blocks.common)
+    return sandwich(*rows[:3], series.numbers, rows.measured, memories, of_prior, shares)

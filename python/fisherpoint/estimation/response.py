@@ -38,7 +38,7 @@ class Response(NamedTuple):
 
 
 def response_of_runs(model: Model, runs: Runs, theta: Array, columns: list[int], settings: Integration) -> Response:
-    """The response of the S samples of K runs, run after run, to parameters theta (B, p), by those in `columns`.
+    """The response of the S samples of K runs, run after run, to parameters theta (B, p), or (B, K, p), by those in `columns`.
 
     Settings are known to be good. A sample just at a jump has no derivative: it is zero there.
     """
@@ -48,7 +48,7 @@ def response_of_runs(model: Model, runs: Runs, theta: Array, columns: list[int],
     status = np.empty((count, n_runs), dtype=np.int32)
     for first in range(0, count, each):
         rows = theta[first : first + each]
-        many, values = runs[np.tile(np.arange(n_runs), len(rows))], np.repeat(rows, n_runs, axis=0)
+        many, values = runs[np.tile(np.arange(n_runs), len(rows))], _of_runs(rows, n_runs)
         done = checked_run_sensitivities(model, many, values, settings, outputs_alone=True)
         if len(beside := np.flatnonzero(done.status == Status.on_jump)):  # no derivative, yet an output where there is a trajectory
             along = checked_run_trajectories(model, many[beside], values[beside], settings)
@@ -58,6 +58,10 @@ def response_of_runs(model: Model, runs: Runs, theta: Array, columns: list[int],
         dy[some] = done.dy_dtheta[many.measured][..., columns].reshape(len(rows), n_samples, n_y, -1)
         status[some] = done.status.reshape(len(rows), n_runs)
     return Response(y, dy, first_failure(status))
+
+
+def _of_runs(theta: Array, n_runs: int) -> Array:
+    return np.repeat(theta, n_runs, axis=0) if theta.ndim == 2 else theta.reshape(-1, theta.shape[2])
 
 
 _BLOCK = 1 << 14

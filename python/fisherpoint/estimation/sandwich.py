@@ -55,6 +55,7 @@ def sandwich(
     measured: NDArray[np.bool_],
     memories: Sequence[NoiseMemory],
     of_prior: Array,
+    shares: tuple[Array, int] | None = None,
 ) -> Sandwich:
     """The robust covariance of an estimate.
 
@@ -73,12 +74,17 @@ def sandwich(
         By which each output's residuals are prewhitened.
     of_prior : ndarray, (P, P)
         The prior's information.
+    shares : (ndarray (N, n_y, k), int), optional
+        Q, where each series has columns of its own behind so many common ones, by which it has its weight.
     """
-    leverage = np.einsum("tip,pq,tiq->t", jacobian, covariance, jacobian, optimize=True)
+    if shares is None:
+        leverage = np.einsum("tip,pq,tiq->t", jacobian, covariance, jacobian, optimize=True)
+    else:
+        leverage = np.square(shares[0][..., : shares[1]]).sum(axis=(1, 2))
     of_series = np.bincount(series, leverage)
     weight = float(of_series.sum() ** 2 / np.square(of_series).sum()) if of_series.any() else 0.0
     if weight >= MANY_SERIES:
-        middle, bandwidth, method = _of_series(e, jacobian, covariance, slices_of(series)), 0.0, "series"
+        middle, bandwidth, method = _of_series(e, jacobian, covariance, slices_of(series), shares), 0.0, "series"
     else:
         (middle, bandwidth), method = _of_lags(e, jacobian, covariance, slices_of(series), measured, memories), "window"
     return Sandwich(covariance @ (middle + of_prior) @ covariance, method, bandwidth, weight)  # type: ignore[arg-type]
@@ -93,14 +99,17 @@ def root(covariance: Array) -> Array:
     return factor
 
 
-def _of_series(e: Array, jacobian: Array, covariance: Array, parts: Sequence[slice]) -> Array:
-    factor, p = root(covariance), len(covariance)
+def _of_series(
+    e: Array, jacobian: Array, covariance: Array, parts: Sequence[slice], shares: tuple[Array, int] | None = None
+) -> Array:
+    factor, p = root(covariance) if shares is None else None, len(covariance)
     firsts, lengths = np.array([part.start for part in parts]), np.array([part.stop - part.start for part in parts])
     middle = np.zeros((p, p))
     for length in np.unique(lengths):
         rows = firsts[lengths == length][:, None] + np.arange(length)
         own, r = jacobian[rows].reshape(len(rows), -1, p), e[rows].reshape(len(rows), -1, 1)
-        left, sizes, _ = np.linalg.svd(own @ factor, full_matrices=False)
+        taken = own @ factor if shares is None else shares[0][rows].reshape(len(rows), -1, shares[0].shape[2])
+        left, sizes, _ = np.linalg.svd(taken, full_matrices=False)
         grown = 1 / np.sqrt(np.maximum(1 - np.square(sizes), LEAST_LEFT)) - 1
         r = r + left @ (grown[..., None] * (left.transpose(0, 2, 1) @ r))
         scores = (own * r).sum(axis=1)

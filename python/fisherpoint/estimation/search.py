@@ -170,7 +170,8 @@ def _found(z: Array, residuals: WeightedResiduals, end: int, evaluations: int, r
 
 def _minimised(residuals: WeightedResiduals, z0: Array, max_evaluations: int) -> Minima:
     unknowns = residuals.unknowns
-    minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, max_evaluations, accuracy=residuals.accuracy)
+    bounds, layout = (unknowns.lower, unknowns.upper), residuals.layout
+    minima = minimise(residuals.stored, z0, *bounds, max_evaluations, accuracy=residuals.accuracy, layout=layout)
     return minima._replace(end=unknowns.ended(minima))
 
 

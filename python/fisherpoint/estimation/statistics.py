@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,14 +17,15 @@ from ..data.measurements import Measurements
 from ..data.record import Record
 from ..models import Model
 from ..noise.models import NoiseOf
-from ..points.predictive import predictive_covariance
-from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
-from ..prior.rules import DEFAULT_RULE
+from .apriori_covariance import apriori_covariance
+from .bordered import BorderedTangent
+from .local_values import NO_SPREAD, LocalValue, Spread
 from .noise_estimate import OutputNoiseEstimate, student_degrees
 from .nuisance import Nuisance
-from .precision import Precision, in_words, quantile
-from .residual_checks import OFF, ResidualCheck, Series, WhitenedRows, residual_checks, robust
+from .output_tests import OutputTest
+from .precision import Precision, in_words, is_clear, quantile
+from .residual_checks import OFF, ResidualCheck, Series, ShareOfBlocks, WhitenedRows, residual_checks, robust
 from .sandwich import Sandwich
 from .small_samples import Inflated, inflated, output_degrees_of_freedom
 from .unknown_noise import TINY, correlations_can_be_estimated, residual_covariance
@@ -35,24 +36,6 @@ NUMERICAL = 1000.0
 
 FEWEST_DEGREES = 0.5
 """Degrees of freedom of an output below which its residuals do not determine its noise."""
-
-
-@dataclass(frozen=True, eq=False)
-class OutputTest:
-    """Chi-square of one output's residuals: their number, degrees of freedom, and the probability of more by chance.
-
-    Where the noise is estimated, chi-square equals the degrees of freedom by construction, and `p_value` is None.
-    """
-
-    count: int
-    chi_square: float
-    degrees_of_freedom: float
-    p_value: float | None
-
-    @property
-    def per_degree_of_freedom(self) -> float:
-        """Chi-square per degree of freedom: 1 where the model and the noise are right; inf where nothing is left to judge by."""
-        return self.chi_square / self.degrees_of_freedom if self.degrees_of_freedom > 1e-9 else np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,6 +71,8 @@ class FitStatistics:
         The residuals in units of the noise, with the prior's, as a function of the unknowns: what was minimised.
     noise_estimate : mapping of output name to OutputNoiseEstimate, or None
         Where it was looked for.
+    spread : mapping of name to Spread
+        Standard deviation between the values of each local parameter that has one, as given or estimated.
     """
 
     model: Model
@@ -106,7 +91,8 @@ class FitStatistics:
     starts: int
     reached: int
     weighted: WeightedResiduals
-    noise_estimate: Mapping[str, OutputNoiseEstimate] | None = None
+    noise_estimate: Mapping[str, OutputNoiseEstimate] | None = field(default=None, kw_only=True)
+    spread: Mapping[str, Spread] = field(default=NO_SPREAD, kw_only=True)
 
     @property
     def converged(self) -> bool:
@@ -120,7 +106,8 @@ class FitStatistics:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the unknowns: estimated parameters, uncertain constants, starts of records that were not known, as "x0_h1"."""
+        """Names of the unknowns: estimated parameters, uncertain constants, starts of records that were not known, as "x0_h1",
+        and values of local parameters, as "m_load[3]"."""
         return self.weighted.unknowns.names
 
     @property
@@ -134,7 +121,24 @@ class FitStatistics:
         of_states = {q.name: q.unit for q in self.model.states}
         units = {q.name: q.unit for q in self.weighted.observed.model.parameters}
         units |= {name: of_states[state] for name, (state, _) in self.weighted.observed.starts.items()}
+        units |= {one.name: units[one.parameter] for one in self.weighted.observed.local.each}
         return FrozenMapping({name: units[name] for name in self.parameters})
+
+    @property
+    def common(self) -> tuple[str, ...]:
+        """Names of the unknowns that are no values of local parameters."""
+        return self.parameters[: self.weighted.observed.common]
+
+    @property
+    def local(self) -> Mapping[str, Mapping[str, LocalValue]]:
+        """The values of each local parameter, by the number of the run or record, or by label: ``fit.local["m_load"]["3"]``."""
+        local, errors, intervals = self.weighted.observed.local, self.standard_errors, self.intervals()
+        found: dict[str, dict[str, LocalValue]] = {name: {} for name in local.local}
+        for one in local.each:
+            value, error = self.estimate[one.name], errors[one.name]
+            by = local.local[one.parameter].by
+            found[one.parameter][one.group] = LocalValue(one.parameter, by, one.group, value, error, intervals[one.name])
+        return FrozenMapping({name: FrozenMapping(values) for name, values in found.items()})
 
     @cached_property
     def precision(self) -> Precision:
@@ -167,16 +171,20 @@ class FitStatistics:
         """Standard errors that do not need the noise to be white, by name, SI units; inf as `standard_errors`, and of exact fits.
 
         From the residuals themselves: of many points and runs by their own scores, of few records and runs by Newey and West's
-        window after prewhitening. See `fisherpoint.estimation.sandwich`.
+        window after prewhitening. The former have none for values of local parameters. See `fisherpoint.estimation.sandwich`.
         """
         errors = np.sqrt(np.diag(self.robust.covariance)) * np.abs(self.slopes)
-        left = self.degrees_of_freedom >= FEWEST_DEGREES
+        alone = (np.arange(len(errors)) >= len(self.common)) & (self.robust.method == "series")  # values that one series determines
+        left = (self.degrees_of_freedom >= FEWEST_DEGREES) & ~alone
         return self._by_name(np.where(self.precision.determined & left, errors, np.inf))
 
     @property
     def robust_ratios(self) -> Mapping[str, float]:
-        """Robust standard errors over standard errors, by name, where both are finite; above one, the latter are too small."""
-        both = zip(self.parameters, self.robust_standard_errors.values(), self.standard_errors.values(), strict=True)
+        """Robust standard errors over standard errors, by name, where both are finite; above one, the latter are too small.
+
+        Of `common` unknowns.
+        """
+        both = [(name, self.robust_standard_errors[name], self.standard_errors[name]) for name in self.common]
         return FrozenMapping({name: a / b for name, a, b in both if np.isfinite([a, b]).all() and b > 0})
 
     @property
@@ -239,8 +247,8 @@ class FitStatistics:
     def apriori_covariance(self) -> Array | None:
         """D of (17) for the measured points, beside which (10) shows what the data have added: the noise's covariance plus the mean
         predictive covariance over the prior, (n_y, n_y); None without a prior of all parameters, for records, and beside
-        uncertain constants, which all samples share."""
-        if self.nuisance:
+        uncertain constants and local parameters, which samples share."""
+        if self.nuisance or self.weighted.observed.local.each:
             return None
         return apriori_covariance(self.model, self.data, self.prior, self.parameters, self.noise_covariance)
 
@@ -248,6 +256,8 @@ class FitStatistics:
     def output_degrees_of_freedom(self) -> Array:
         """Number of measured values of each output less what the unknowns take up of it, (n_y,)."""
         counts = np.isfinite(self.residuals).sum(axis=0)
+        if (blocks := self._whitened_rows.blocks) is not None:
+            return np.asarray(np.maximum(counts - np.square(blocks.rows).sum(axis=(0, 2)), 0.0))
         degrees: Array = output_degrees_of_freedom(self._data_jacobian, self._precision.covariance[None], counts)[0]
         return degrees
 
@@ -264,17 +274,13 @@ class FitStatistics:
     @property
     def tests(self) -> Mapping[str, OutputTest]:
         """Chi-square of every measured output: far above its degrees of freedom where the model or the noise is wrong."""
-        from scipy.stats import chi2
-
         counts, squares = np.isfinite(self.residuals).sum(axis=0), np.square(self.whitened).sum(axis=0)
-        tests = {}
+        found = {}
         for i, name in enumerate(names_of(self.model.outputs)):
             if counts[i]:
-                degrees = float(self.output_degrees_of_freedom[i])
-                unit = self._unit_of_squares(i)  # chi-square with degrees / unit degrees of freedom, times this
-                p_value = float(chi2.sf(squares[i] / unit, degrees / unit)) if self.noise_known and degrees > 1e-9 else None
-                tests[name] = OutputTest(int(counts[i]), float(squares[i]), degrees, p_value)
-        return FrozenMapping(tests)
+                unit = self._unit_of_squares(i) if self.noise_known else None
+                found[name] = OutputTest.of(int(counts[i]), float(squares[i]), float(self.output_degrees_of_freedom[i]), unit)
+        return FrozenMapping(found)
 
     def _unit_of_squares(self, output: int) -> float:
         """By how much the squares of an output's scores scatter, in units of those of normal residuals."""
@@ -366,7 +372,16 @@ class FitStatistics:
     @cached_property
     def _precision(self) -> Precision:
         """Precision as if the weights were known."""
-        return Precision.of(self.jacobian, self.held)
+        return Precision.of(self.jacobian, self.held) if self._tangent is None else Precision.of_blocks(self._tangent)
+
+    @cached_property
+    def _tangent(self) -> BorderedTangent | None:
+        """The factors of the Jacobian by blocks; None where there are none, or where it is not clearly regular."""
+        layout = self.weighted.layout
+        if not self.weighted.observed.local.each or self.held.any():
+            return None
+        found = layout.tangent(*self.weighted.stored(self.z[None], np.zeros(1, dtype=np.intp), scores=True)[:2])
+        return found if isinstance(found, BorderedTangent) and is_clear(found) else None
 
     @cached_property
     def _inflated(self) -> Inflated:
@@ -379,10 +394,15 @@ class FitStatistics:
         outputs = names_of(self.model.outputs)
         return student_degrees(self.weighted, self.z, self.held, outputs, self.data, self.noise_estimate or {})
 
-    @property
+    @cached_property
     def _whitened_rows(self) -> WhitenedRows:
-        measured = np.isfinite(self.residuals)
-        return WhitenedRows(self.whitened, self._data_jacobian[0], self._precision.covariance, measured)
+        measured, covariance = np.isfinite(self.residuals), self._precision.covariance
+        given = self.whitened, self._data_jacobian[0], covariance, measured
+        if self._tangent is None:
+            return WhitenedRows(*given)
+        share, block = self._tangent.shares()
+        (count, outputs), n = self.residuals.shape, self.residuals.size
+        return WhitenedRows(*given, ShareOfBlocks(share[:n].reshape(count, outputs, -1), len(self.common), block[:n:outputs]))
 
     @property
     def _data_jacobian(self) -> Array:
@@ -401,29 +421,3 @@ class FitStatistics:
 
     def _by_name(self, values: Array) -> Mapping[str, float]:
         return FrozenMapping(dict(zip(self.parameters, values.tolist(), strict=True)))
-
-
-def apriori_covariance(
-    model: Model, data: Sequence[Measurements | Record], prior: GaussianPrior | None, estimated: Collection[str], noise: Array
-) -> Array | None:
-    """The noise's covariance plus the mean predictive covariance (16) of the points over the prior, (n_y, n_y).
-
-    None where there is no prior of all parameters, where there are records or runs, and where no point has its trajectories.
-    """
-    names = names_of(model.parameters)
-    measured = [part for part in data if isinstance(part, Measurements)]
-    if prior is None or set(names) - set(prior.names) or len(measured) < len(data):
-        return None
-    runs = Measurements.join(measured).runs
-    points = runs.points
-    if points is None:
-        return None
-    first, of = runs.distinct()
-    counts = np.bincount(of)
-    varied = tuple(name for name in names if name in estimated)
-    spread = predictive_covariance(model, points[first], prior.marginal(names), DEFAULT_RULE, jumps="cross", parameters=varied)
-    ok = spread.status == Status.ok
-    if not ok.any():
-        return None
-    mean: Array = np.average(spread.covariance[ok], axis=0, weights=counts[ok])
-    return mean + noise

@@ -104,7 +104,8 @@ def minimise_log_det(
 
     def minimised(z: Array, y: Array, covariance: Array) -> Minima:
         weighted = replace(residuals, y=y, covariance=covariance[:, None])
-        return minimise(weighted, z, unknowns.lower, unknowns.upper, max_evaluations, unit=0.0, accuracy=weighted.accuracy)
+        bounds, accuracy, layout = (unknowns.lower, unknowns.upper), weighted.accuracy, weighted.layout
+        return minimise(weighted.stored, z, *bounds, max_evaluations, unit=0.0, accuracy=accuracy, layout=layout)
 
     y = np.broadcast_to(residuals.y, (len(z0), *residuals.y.shape[1:]))
     covariance = covariance_at(z0, y) * np.eye(len(least))  # of a start alone, correlations mean nothing

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..basics.checks import as_float, as_numbers, check_known, check_mapping
 from ..basics.messages import shown
-from ..basics.values import Array, IntArray
+from ..basics.values import Array, FrozenMapping, IntArray
 from ..models import Model
 from ..prior.gaussian import GaussianPrior
 from .least_squares import CONVERGED, RAN_OFF, Minima
@@ -96,6 +96,7 @@ def unknowns_of(
     prior: GaussianPrior | None,
     sizes: Mapping[str, float],
     bounds: Mapping[str, tuple[float | None, float | None]],
+    about: Mapping[str, tuple[float, float]] = FrozenMapping({}),
 ) -> Unknowns:
     """Coordinates for the unknowns in the order of `start`.
 
@@ -108,6 +109,8 @@ def unknowns_of(
         Units of z of others, where |start| is none.
     bounds : mapping of name to (lower, upper)
         None is no bound.
+    about : mapping of name to (center, unit)
+        Of others, where both are known.
     """
     names = tuple(start)
     center, scale, log = np.zeros(len(names)), np.ones(len(names)), np.zeros(len(names), dtype=bool)
@@ -118,6 +121,8 @@ def unknowns_of(
             if name in prior.log:
                 log[j], center[j] = True, np.log(prior.mean[name]) - scale[j] ** 2 / 2
                 lower[j], upper[j] = -FARTHEST / scale[j], FARTHEST / scale[j]
+        elif name in about:
+            center[j], scale[j] = about[name]
         else:
             scale[j] = sizes.get(name) or abs(start[name]) or 1.0
         for side, bound in zip((lower, upper), bounds.get(name, (None, None)), strict=True):

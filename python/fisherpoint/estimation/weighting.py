@@ -20,6 +20,7 @@ from ..points.status import Status
 from .least_squares import Accuracy
 from .observed import Observed
 from .sensor_noise import Readings, SensorNoise
+from .tangent_space import DENSE, Layout
 from .unknowns import Unknowns
 
 
@@ -197,6 +198,20 @@ class WeightedResiduals:
                 array[:, error.rows] = error.whitened(array[:, error.rows])
         return white
 
+    @cached_property
+    def _stored(self) -> tuple[Layout, Array | None]:
+        """How Jacobians are stored, and the prior's rows in them."""
+        local = self.observed.local
+        if not local.each:
+            return DENSE, self.prior_factor
+        further = np.zeros((0, len(self.unknowns))) if self.prior_factor is None else self.prior_factor
+        return local.layout(self.y.shape[-1], further)
+
+    @property
+    def layout(self) -> Layout:
+        """How `stored` has Jacobians."""
+        return self._stored[0]
+
     def rows(self, y: Array, jacobian: Array, over_prior: bool = False) -> Array:
         """Rows (M, P) of which the squares add up to the information, of predicted outputs (1, N, n_y) and derivatives by z.
 
@@ -212,19 +227,22 @@ class WeightedResiduals:
 
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Residuals (B, M) of which half the squares are minimised, their Jacobian (B, M, P), and whether they are there (B,)."""
-        return self._at(z, rows, scores=False)
+        r, jacobian, ok = self.stored(z, rows)
+        return r, self.layout.dense(jacobian), ok
 
     def scores(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Residuals of variance 1, and rows of which the squares add up to the information: J^T e is the gradient.
 
         As in `__call__`; only of independent readings that are more than white they are others.
         """
-        return self._at(z, rows, scores=True)
+        r, jacobian, ok = self.stored(z, rows, scores=True)
+        return r, self.layout.dense(jacobian), ok
 
-    def _at(self, z: Array, rows: NDArray[np.intp], scores: bool) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def stored(self, z: Array, rows: NDArray[np.intp], scores: bool = False) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """As a call, or `scores`, with Jacobians as the layout has them."""
         values = self.unknowns.values(z)
         response = self.observed.respond(values)
-        dy = response.dy * self.unknowns.slopes(values)[:, None, None, :]
+        dy = response.dy * self._slopes(values)
         if (readings := self._readings) is not None:
             readings = readings if len(self.y) == 1 else readings.some(rows)
             e, jacobian = (readings.scores if scores else readings.deviance)(response.y, dy)
@@ -234,11 +252,21 @@ class WeightedResiduals:
             if covariance.ndim == 4 and len(covariance) > 1:
                 covariance = covariance[rows]
             e, jacobian = self._whitened(covariance, response.y - y, dy)
-        r, jacobian = e.reshape(len(z), -1), jacobian.reshape(len(z), -1, z.shape[1])
-        if self.prior_factor is not None:
+        r, jacobian = e.reshape(len(z), -1), jacobian.reshape(len(z), -1, dy.shape[3])
+        prior = self._stored[1]
+        if self.prior_factor is not None and prior is not None:
             r = np.concatenate([r, z @ self.prior_factor.T], axis=1)
-            jacobian = np.concatenate([jacobian, np.broadcast_to(self.prior_factor, (len(z), *self.prior_factor.shape))], axis=1)
+            jacobian = np.concatenate([jacobian, np.broadcast_to(prior, (len(z), *prior.shape))], axis=1)
         return r, jacobian, response.status == 0
+
+    def _slopes(self, values: Array) -> Array:
+        """d values / dz at unknowns (B, P) of each column of a response, (B, 1 or N, 1, columns)."""
+        slopes, local, common = self.unknowns.slopes(values), self.observed.local, self.observed.common
+        if not local.each:
+            return np.asarray(slopes[:, None, None, :])
+        own = slopes[:, common:][:, local.samples]
+        shared = np.broadcast_to(slopes[:, None, :common], (*own.shape[:2], common))
+        return np.concatenate([shared, own], axis=2)[:, :, None]
 
 
 def _run_error(moves: RunMoves, white: Array) -> RunError:

@@ -55,7 +55,13 @@ class Autocorrelation:
         return 1.959964 * np.sqrt(np.diag(self.covariance))
 
 
-def autocorrelation(e: Array, share: Array, series: NDArray[np.intp], most_lags: int = ORDERS[-1]) -> Autocorrelation:
+def autocorrelation(
+    e: Array,
+    share: Array,
+    series: NDArray[np.intp],
+    most_lags: int = ORDERS[-1],
+    blocks: tuple[int, NDArray[np.intp]] | None = None,
+) -> Autocorrelation:
     """The autocorrelation of residuals.
 
     Parameters
@@ -68,22 +74,32 @@ def autocorrelation(e: Array, share: Array, series: NDArray[np.intp], most_lags:
         Number of each sample's series, the same for consecutive samples.
     most_lags : int
         Lags are left out at which less than half of the samples have a partner.
+    blocks : (int, ndarray of int (n,)), optional
+        How many columns of Q all samples share, and the number of each sample's block, of which the others are columns of its own;
+        a series is within a block.
     """
     lengths = np.unique(series, return_counts=True)[1]
     pairs = np.array([np.maximum(lengths - k, 0).sum() for k in range(most_lags + 1)])
     n_lags = int((pairs[1:] >= max(len(e) / 2, 2)).sum())
     products, mean, second = np.zeros(n_lags + 1), np.zeros(n_lags + 1), np.zeros((n_lags + 1, n_lags + 1))
-    p = share.shape[1]
-    first = np.zeros((n_lags + 1, p, p))  # Q^T A_k Q, where e^T A_k e is the sum of products at lag k
     for values, partners in _lagged(e[:, None], series, n_lags):
         products += np.einsum("tc,ktc->k", values, partners)
-    for q, partners in _lagged(share, series, n_lags):
-        first += q.T @ partners
-        flat = partners.reshape(n_lags + 1, -1)
-        second -= 2 * flat @ flat.T
-    mean -= np.einsum("kpp->k", first)
+    common, number = (share.shape[1], np.zeros(len(e), dtype=np.intp)) if blocks is None else blocks
+    shared = np.zeros((n_lags + 1, common, common))
+    order = np.argsort(number, kind="stable")
+    each = [slice(None)] if blocks is None else np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
+    for some in each:
+        first = np.zeros((n_lags + 1, share.shape[1], share.shape[1]))  # Q^T A_k Q, where e^T A_k e is the sum of products at lag k
+        for q, partners in _lagged(share[some], series[some], n_lags):
+            first += q.T @ partners
+            flat = partners.reshape(n_lags + 1, -1)
+            second -= 2 * flat @ flat.T
+        mean -= np.einsum("kpp->k", first)
+        shared += first[:, :common, :common]
+        own, between = (part.reshape(n_lags + 1, -1) for part in (first[:, common:, common:], first[:, :common, common:]))
+        second += own @ own.T + 2 * between @ between.T
     mean[0] += len(e)
-    second += first.reshape(n_lags + 1, -1) @ first.reshape(n_lags + 1, -1).T
+    second += shared.reshape(n_lags + 1, -1) @ shared.reshape(n_lags + 1, -1).T
     second[np.diag_indices(n_lags + 1)] += np.where(np.arange(n_lags + 1) > 0, pairs[: n_lags + 1] / 2, len(e))
     degrees = float(mean[0])
     if n_lags == 0 or degrees < 2 or not products[0] > 0:

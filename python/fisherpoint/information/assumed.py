@@ -27,6 +27,9 @@ from ..points.settings import Integration, checked_arguments
 from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import LinearizedRule, Rule
+from .local import LocalStds
+
+NOTHING: FrozenMapping[float] = FrozenMapping({})
 
 MARGIN = 3.0
 """Standard deviations of a surface's value, under those of the start, that a point keeps from a jump or limit."""
@@ -57,6 +60,12 @@ class Assumed:
         Places among `model.parameters` of what has one value for the whole plant.
     nuisance_std : ndarray
         Its standard deviations, SI units.
+    free : list of int
+        Places of local parameters of which each point or run has its own value, and of whose spread nothing is known.
+    free_std : ndarray
+        Standard deviations of the prior, SI units, of plants that are drawn; they are no information.
+    open : list of int
+        Places in `nuisance` of what nothing is known of beforehand, and whose standard deviations are only units.
     """
 
     model: Model
@@ -65,6 +74,9 @@ class Assumed:
     std: Array
     nuisance: list[int]
     nuisance_std: Array
+    free: list[int]
+    free_std: Array
+    open: list[int]
 
     def theta(self, theta: Array) -> Array:
         """Parameters of the extended model, for parameters (p,) or (K, p) of the model."""
@@ -83,6 +95,11 @@ class Assumed:
         """Names of the parameters of the extended model that are drawn anew in each point or run."""
         names = names_of(self.model.parameters)
         return tuple(names[j] for j in sorted(self.columns))
+
+    @property
+    def drawn(self) -> tuple[list[int], Array]:
+        """Places and standard deviations of all that has a new value in each point or run."""
+        return self.columns + self.free, np.append(self.std, self.free_std)
 
     @property
     def nuisance_names(self) -> tuple[str, ...]:
@@ -109,6 +126,7 @@ def assumed_of(
     varies: Mapping[str, float] | None = None,
     initial_state_std: Mapping[str, float] | None = None,
     shared: Sequence[str] = (),
+    local: LocalStds | None = None,
 ) -> Assumed:
     """Extend a model; the same arguments give the same object.
 
@@ -121,6 +139,8 @@ def assumed_of(
         Standard deviations, SI units, of the deviations of starts.
     shared : sequence of str
         States whose start deviates once for all points or runs.
+    local : LocalStds, optional
+        Local parameters.
 
     Raises
     ------
@@ -135,7 +155,11 @@ def assumed_of(
     for name in (name for name in anew if name in common):
         raise ValueError(f"varies: expected names that are not among uncertain, given {name!r}, which is")
     starts = by_name(initial_state_std, states, "initial_state_std", as_std_or_zero)
-    return _extended(model, common, anew, starts, tuple(name for name in starts if name in shared))
+    once = tuple(name for name in starts if name in shared)
+    if local is None:
+        return _extended(model, common, anew, starts, once, NOTHING, NOTHING)
+    common, anew = FrozenMapping({**common, **local.whole, **local.open}), FrozenMapping({**anew, **local.anew})
+    return _extended(model, common, anew, starts, once, FrozenMapping(local.free), FrozenMapping(local.open))
 
 
 @lru_cache(maxsize=16)
@@ -145,6 +169,8 @@ def _extended(
     anew: FrozenMapping[float],
     starts: FrozenMapping[float],
     shared: tuple[str, ...],
+    free: FrozenMapping[float],
+    open_: FrozenMapping[float],
 ) -> Assumed:
     constants = [name for name in names_of(model.constant_quantities) if name in common or name in anew]
     try:
@@ -164,7 +190,18 @@ def _extended(
         columns = [place[name] for name in names] + [of_start[name] for name in own_starts]
         return columns, np.array([stds[name] for name in names] + [starts[name] for name in own_starts])
 
-    return Assumed(extended, further, *chosen(anew, False), *chosen(common, True))
+    nuisance, nuisance_std = chosen(common, True)
+    unknown = [j for j, column in enumerate(nuisance) if any(column == place[name] for name in open_)]
+    return Assumed(
+        extended,
+        further,
+        *chosen(anew, False),
+        nuisance,
+        nuisance_std,
+        [place[name] for name in free],
+        np.array(list(free.values())),
+        unknown,
+    )
 
 
 def assumed_covariance(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ..basics.checks import as_std_or_zero, by_name, names_among
 from ..basics.options import Options
 from ..prior.rules import Rule
+from .local import Local, checked_local
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +26,9 @@ class Deviations(Options):
         there.
     shared : sequence of str
         States of `initial_state_std` whose start deviates once, in all points and runs alike; these are estimated too.
+    local : mapping of name to str or Local, optional
+        Parameters with one value for each run, record, plant or day, instead of one for all data: ``{"m_load": "run"}``, or
+        ``{"m_load": fp.Local("run", spread=0.1)}``. They are estimated together with the others, and reported by themselves.
     rule : Rule, optional
         Takes the share of what is drawn anew as a predictive covariance (16), where it is not linear; the default is by tangents,
         which runs need.
@@ -39,6 +43,7 @@ class Deviations(Options):
     varies: Mapping[str, float] | None = None
     initial_state_std: Mapping[str, float] | None = None
     shared: Sequence[str] = ()
+    local: Mapping[str, str | Local] | None = None
     rule: Rule | None = None
 
     def __post_init__(self) -> None:
@@ -46,8 +51,14 @@ class Deviations(Options):
             given = by_name(getattr(self, label), None, label, as_std_or_zero)
             object.__setattr__(self, label, given or None)
         object.__setattr__(self, "shared", names_among(self.shared, tuple(self.initial_state_std or ()), "shared"))
+        object.__setattr__(self, "local", checked_local(self.local) or None)
         if self.rule is not None and not isinstance(self.rule, Rule):
             raise TypeError(f"rule: expected a Rule or None, given {type(self.rule).__name__}")
+
+    @property
+    def local_parameters(self) -> Mapping[str, Local]:
+        """The local parameters by name; none where there are none."""
+        return checked_local(self.local)
 
 
 EXACT = Deviations()

@@ -246,8 +246,7 @@ class _Tally:
         assumed = problem.assumed
         self._model = problem.limited if assumed is None else assumed.model
         self._named = problem.limited if len(problem.limited.domain) == len(self._model.domain) else self._model
-        self._columns = [] if assumed is None else assumed.columns
-        self._std = np.empty(0) if assumed is None else assumed.std
+        self._columns, self._std = ([], np.empty(0)) if assumed is None else assumed.drawn
         self.unable = 0
         self.reasons: Counter[str] = Counter()
         self.failures: dict[str, IntArray] = {}

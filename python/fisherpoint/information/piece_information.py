@@ -63,6 +63,8 @@ def piece_problem(problem: DesignProblem, pieces: Pieces) -> DesignProblem:
     if problem.model != pieces.model:
         raise ValueError(f"problem: expected one of the model of the pieces, {pieces.model.name}; given {problem.model.name}")
     checked_problem(problem)
+    if problem.local_parameters:
+        raise ValueError(f"local: expected no local parameters for pieces of a record, given {', '.join(problem.local_parameters)}")
     given, noise = problem.initial_state_std or {}, {} if problem.noise is None else outputs_of(problem.noise)
     std: dict[str, float] = {}
     for state, output in pieces.measured_by.items():

@@ -114,14 +114,10 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
         result = checked_sensitivities(assumed.model, points, assumed.theta(problem.theta), settings, outputs_alone=True)
     scaled = problem.standardised(result.dy_dtheta)
     n_y, status, share = scaled.shape[1], only_finite(result.status, scaled), None
-    if problem.sensors is not None and not problem.sensors.white:
-        moved = None
-        if assumed is not None and assumed.columns:
-            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
-                moved = (result.dy_dtheta[:, :, assumed.columns] * assumed.std)[:, None]
-            status = only_finite(status, moved)
+    if not problem.white_alone:
         times, measured = np.zeros((len(points), 1)), np.broadcast_to(problem.measured, (len(points), 1, n_y))
-        rows, status = problem.white_rows(scaled[:, None], moved, times, result.y[:, None], measured, status)
+        dy = result.dy_dtheta[:, None]
+        rows, status = problem.white_rows(scaled[:, None], dy, times, result.y[:, None], measured, status)
         scaled = rows[:, 0]
     elif assumed is not None and assumed.columns:
         share = assumed.covariance(result.dy_dtheta)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol, TypeAlias, cast
+from typing import Any, NamedTuple, Protocol, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from ..points.rest_starts import start_points
 from ..points.runs import Points, Runs, as_runs, points_of
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
+from .other_groups import without_other_groups
 from .output_covariance import needs_covariances
 from .point_information import PointInformation, point_sensitivities, with_covariance
 from .problem import DesignProblem
@@ -46,6 +47,8 @@ def previous_information(
     problem : DesignProblem
     previous : Measurements, Experiments, Design, a sequence of these, or None
         An output that was not measured (NaN) has no weight. A design counts as its points, without those that were previous to it.
+        Measurements with labels are of other plants, or days, than the design, where parameters are local to these; without, they
+        are of the same.
     threads : int or None
 
     Raises
@@ -54,9 +57,24 @@ def previous_information(
         For something else, and for points or outputs that are not those of the problem's model.
     """
     parts = [_of_part(problem, part, threads) for part in _parts(previous)]
-    left_out = sum((lost for _, lost in parts), Counter[str]())
-    found = [information for information, _ in parts if len(information)]
-    return PointInformation.join(found) if found else None, FrozenMapping(dict(left_out))
+    left_out = FrozenMapping(dict(sum((part.lost for part in parts), Counter[str]())))
+    found = [part for part in parts if len(part.information)]
+    if not found:
+        return None, left_out
+    information = PointInformation.join([part.information for part in found])
+    labels = {}
+    for name, one in problem.local_parameters.items():
+        of_parts = [part.labels.get(one.by, np.full(len(part.information), None)) for part in found]
+        labels[name] = np.concatenate(of_parts)
+    return without_other_groups(problem, information, labels), left_out
+
+
+class _Part(NamedTuple):
+    """Information of one set of data, what has none by reason, and labels of the samples, (S,), by name."""
+
+    information: PointInformation
+    lost: Counter[str]
+    labels: Mapping[str, NDArray[np.object_]]
 
 
 def _parts(previous: Any) -> list[Any]:
@@ -71,7 +89,7 @@ def _parts(previous: Any) -> list[Any]:
     return parts
 
 
-def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[PointInformation, Counter[str]]:
+def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> _Part:
     if problem.along is not None:
         problem = problem.replace(along=None)  # what was measured has been possible
     model, runs, y = problem.model, as_runs(cast(Points, points_of(part))), getattr(part, "y", None)
@@ -82,10 +100,11 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
         )
     if y is not None and y.shape[-1] != len(model.outputs):
         raise ValueError(f"previous: expected measurements of {len(model.outputs)} outputs, given {y.shape[-1]}")
-    points, finite = runs.points, None
+    points, finite, kept = runs.points, None, np.arange(len(runs))
     if y is not None:
         y = y.reshape(*runs.dt.shape, -1)
         if points is None:
+            kept = np.flatnonzero(np.isfinite(y).any(axis=(1, 2)))
             runs, y = runs_with_outputs(runs, y)
             points = runs.points
         finite = np.isfinite(y)
@@ -96,27 +115,30 @@ def _of_part(problem: DesignProblem, part: Any, threads: int | None) -> tuple[Po
         lost[f"starts on {surface} = 0"] += int(keep[rows].sum())
         keep[rows] = False
     finite = None if finite is None else finite[keep]
-    of_part = (
-        _of_runs(problem, runs[keep], finite, threads) if points is None else _of_points(problem, points[keep], finite, threads)
-    )
-    return of_part[0], lost + of_part[1]
+    runs = runs[keep]
+    found = _of_runs(problem, runs, finite, threads) if points is None else _of_points(problem, points[keep], finite, threads)
+    information, ok, failed = found
+    kept, samples = kept[keep][ok], runs[ok].measured.sum(axis=1) if ok.any() else np.zeros(0, dtype=int)
+    labels = {name: np.repeat(np.array(given, dtype=object)[kept], samples) for name, given in getattr(part, "labels", {}).items()}
+    return _Part(information, lost + failed, labels)
 
 
 def _of_points(
     problem: DesignProblem, points: Experiments, finite: NDArray[np.bool_] | None, threads: int | None
-) -> tuple[PointInformation, Counter[str]]:
-    """Information of points, and how many have none."""
+) -> tuple[PointInformation, NDArray[np.bool_], Counter[str]]:
+    """Information of points, which of them have some, and how many have none."""
     information, status = point_sensitivities(problem, points, threads)
     if needs_covariances(str(problem.output_covariance)):
         information, over_nodes = with_covariance(problem, information, threads)
         status = np.where(status != Status.ok, status, over_nodes)
     measured = None if finite is None or finite.all() else finite[:, 0]
-    return replace(information, measured=measured)[status == Status.ok], Counter(failures_of(status))
+    ok = status == Status.ok
+    return replace(information, measured=measured)[ok], ok, Counter(failures_of(status))
 
 
 def _of_runs(
     problem: DesignProblem, runs: Runs, finite: NDArray[np.bool_] | None, threads: int | None
-) -> tuple[PointInformation, Counter[str]]:
+) -> tuple[PointInformation, NDArray[np.bool_], Counter[str]]:
     """Information of runs; one that does not reach its end, or its last number, has none as a whole."""
     checked_problem(problem)
     rows = run_rows(problem, runs, problem.theta, problem.integration(threads), finite)
@@ -125,4 +147,4 @@ def _of_runs(
     samples = rows.sensitivity[kept][there]
     none = np.zeros((len(samples), samples.shape[1], samples.shape[1]))
     measured = None if finite is None else finite[kept][there]
-    return PointInformation(runs[kept], samples, none, measured=measured), Counter(failures_of(rows.status))
+    return PointInformation(runs[kept], samples, none, measured=measured), kept, Counter(failures_of(rows.status))

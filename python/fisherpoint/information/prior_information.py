@@ -7,6 +7,10 @@ import numpy as np
 from ..basics.values import Array
 from .problem import DesignProblem
 
+LEAST = 1e-5
+"""Root of the information that searches count of a parameter of which nothing is known, in units of its prior std; no figure has
+it."""
+
 
 def parameter_rows(problem: DesignProblem) -> Array:
     """The prior of the estimated parameters: with their correlation L L^T, L^-1, and zeros for the nuisance parameters."""
@@ -16,5 +20,12 @@ def parameter_rows(problem: DesignProblem) -> Array:
 
 
 def nuisance_rows(problem: DesignProblem) -> Array:
-    """What is known of the nuisance parameters: 1 for each."""
-    return np.eye(problem.n_unknowns)[len(problem.estimated) :]
+    """What is known of the nuisance parameters: 1 for each, but for local parameters without a spread."""
+    rows = np.eye(problem.n_unknowns)[len(problem.estimated) :]
+    return rows if problem.assumed is None else np.delete(rows, problem.assumed.open, axis=0)
+
+
+def least_rows(problem: DesignProblem) -> Array:
+    """Next to nothing of local parameters without a spread, for searches: F stays regular where a design has nothing on them."""
+    rows = np.eye(problem.n_unknowns)[len(problem.estimated) :]
+    return LEAST * rows[[] if problem.assumed is None else problem.assumed.open]

@@ -18,6 +18,7 @@ from ..basics.result_files import Codec
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
+from ..noise.common_error import beside_free
 from ..noise.models import Noise, NoiseModel, checked_noise, nominal_std, outputs_of
 from ..noise.sensors import Sensors
 from ..points.natural_sizes import warn_of_small_states
@@ -27,10 +28,12 @@ from ..points.settings import Integration, check_jumps, check_kinks, check_rtol,
 from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
+from ..show.numbers import counted
 from ..show.section import Report
 from ..show.table_preview import InNotebooks
 from .assumed import Assumed, assumed_of
 from .deviations import Deviations
+from .local import Local, LocalStds, check_local, checked_local
 from .problem_report import problem_sections
 
 OUTPUT_COVARIANCES = ("noise", "region", "pooled", "pointwise")
@@ -61,7 +64,8 @@ class DesignProblem(InNotebooks):
         D of (7): R alone; R plus the mean predictive covariance over a fixed sample of the region; R plus that over the
         design's points, (17); or R plus each point's own. Default: "noise" where `noise` is given, else "region".
     parameters : sequence of str, optional
-        Names of the parameters to estimate; the others are known to be at their mean. Default: all.
+        Names of the parameters to estimate that all data share; the others are known to be at their mean. Default: all that are
+        not local.
     kinks : {"cross", "exclude"}
         Whether points that cross a kink are allowed; "exclude" is the strict reading of (21).
     jumps : {"cross", "exclude"}
@@ -77,6 +81,11 @@ class DesignProblem(InNotebooks):
     initial_state_std : mapping of state name to float, optional
         Standard deviations, SI units, by which starts deviate from x0, anew in each point or run, and once for all runs where the
         region has the start `shared`. A candidate must then start three of them away from jumps and limits.
+    local : mapping of name to str or Local, optional
+        Parameters with one value for each run, plant or day, instead of one for all data: ``{"m_load": "run"}``, or with a spread,
+        ``{"m_load": fp.Local("run", spread=0.1)}``; as `estimate` takes them. They are estimated too, and the design is for the
+        others, which all data share. Points and runs have values of their own of what is local to a run or record; the whole
+        design shares a value of what is local to a plant or day.
     assumed_covariance : {"tangents", "predictive"}
         Whether R_k has H_k P H_k^T with the exact tangents at the mean, or (16) over the distribution of what is drawn anew, by
         `rule`.
@@ -111,6 +120,7 @@ class DesignProblem(InNotebooks):
     uncertain: Mapping[str, float] | None = None
     varies: Mapping[str, float] | None = None
     initial_state_std: Mapping[str, float] | None = None
+    local: Mapping[str, str | Local] | None = None
     assumed_covariance: str = "tangents"
     along: Sequence[str] | None = None
     derived: tuple[str, ...] = field(init=False)
@@ -141,7 +151,9 @@ class DesignProblem(InNotebooks):
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
         if self.noise is not None:
             set_field(self, "noise", checked_noise(self.noise, names_of(self.model.outputs)))
-        given = everything if self.parameters is None else self.parameters
+        set_field(self, "local", checked_local(self.local, everything) or None)
+        shared = tuple(name for name in everything if name not in self.local_parameters)
+        given = (shared or everything) if self.parameters is None else self.parameters
         set_field(self, "parameters", some_names_among(given, everything, "parameters"))
         limits = () if self.along is None else (self.along,) if isinstance(self.along, str) else self.along
         set_field(self, "along", as_sequence(limits, "along", "comparisons as text") or None)
@@ -158,7 +170,17 @@ class DesignProblem(InNotebooks):
         self.check_weighs(str(self.output_covariance))
 
     def check_weighs(self, kind: str) -> None:
-        """Raise where D of this kind, or what is drawn anew, does not go with the noise."""
+        """Raise where D of this kind, or what is drawn anew, does not go with the noise, or with local parameters."""
+        if self.assumed is not None and self.assumed.free:
+            if kind != "noise":
+                raise ValueError(f"local: expected a spread between points or runs for output_covariance={kind!r}, given none")
+            if self.assumed_covariance != "tangents":
+                raise ValueError("local: expected a spread between points or runs for assumed_covariance='predictive', given none")
+            if self.region is not None and self.region.kind == "point" and self.measured.sum() <= len(self.assumed.free):
+                raise ValueError(
+                    f"local: expected more than {counted(int(self.measured.sum()), 'measured output')} to know something beside "
+                    f"{counted(len(self.assumed.free), 'value')} of each point, given no more: design runs, or give a spread"
+                )
         if self.sensors is None or self.sensors.white:
             return
         white = "noise: expected white noise of constant standard deviations for"
@@ -203,6 +225,7 @@ class DesignProblem(InNotebooks):
         for label, given in (("uncertain", self.uncertain), ("varies", self.varies)):
             for name in (name for name in given or () if name in self.estimated):
                 raise ValueError(f"{label}: expected constants or parameters that are not estimated, given {name!r}, which is")
+        check_local(self.local_parameters, everything, self.estimated, {"uncertain": self.uncertain, "varies": self.varies})
         check_choice(self.assumed_covariance, ASSUMED_COVARIANCES, "assumed_covariance")
         if self.assumed is not None and self.assumed_covariance == "predictive":
             try:
@@ -247,9 +270,15 @@ class DesignProblem(InNotebooks):
     @cached_property
     def assumed(self) -> Assumed | None:
         """The model with what is not known exactly among its parameters; None where all is."""
-        if not self.uncertain and not self.varies and not self.initial_state_std:
+        if not self.uncertain and not self.varies and not self.initial_state_std and not self.local:
             return None
-        return assumed_of(self.limited, self.uncertain, self.varies, self.initial_state_std, self.shared_starts)
+        local = LocalStds.of(self.local_parameters, self.prior.std)
+        return assumed_of(self.limited, self.uncertain, self.varies, self.initial_state_std, self.shared_starts, local)
+
+    @property
+    def local_parameters(self) -> Mapping[str, Local]:
+        """The local parameters by name; none where there are none."""
+        return checked_local(self.local)
 
     @property
     def shared_starts(self) -> tuple[str, ...]:
@@ -259,7 +288,8 @@ class DesignProblem(InNotebooks):
 
     @property
     def n_nuisance(self) -> int:
-        """How many unknowns there are beside the estimated parameters: uncertain constants, and starts that all runs share."""
+        """How many unknowns there are beside the estimated parameters: uncertain constants, starts that all runs share, and
+        local parameters that the whole design shares."""
         return 0 if self.assumed is None else len(self.assumed.nuisance)
 
     @property
@@ -290,6 +320,7 @@ class DesignProblem(InNotebooks):
             varies=self.varies,
             initial_state_std=self.initial_state_std,
             shared=self.shared_starts,
+            local=self.local,
             rule=rule,
         )
 
@@ -323,22 +354,36 @@ class DesignProblem(InNotebooks):
         """The sensors as arrays; None where the noise is not known."""
         return None if self.noise is None else Sensors.of(self.noise, names_of(self.model.outputs))
 
+    @property
+    def white_alone(self) -> bool:
+        """Whether D alone whitens rows; else what they need is in the rows: other noise, or free local parameters taken out."""
+        return (self.sensors is None or self.sensors.white) and not (self.assumed is not None and self.assumed.free)
+
     def white_rows(
-        self, scaled: Array, moved: Array | None, times: Array, y: Array, measured: NDArray[np.bool_], status: IntArray
+        self, scaled: Array, dy_dtheta: Array, times: Array, y: Array, measured: NDArray[np.bool_], status: IntArray
     ) -> tuple[Array, IntArray]:
         """Rows (K, N, n_y, p) that R whitens, whatever the noise is, and statuses (K,): see `Sensors.rows`.
 
+        From standardised sensitivities, and those by all parameters of `assumed`. What has a value of its own in each run is taken
+        out: with a spread by the covariance, without by projection.
         The information of rounded and limited readings is averaged over where the prior has the outputs, so that no design counts
         on parameters by which one lies just at an edge.
         """
         if self.sensors is None:
             raise ValueError("noise: expected the sensor noise, given none")
-        ok = (status == Status.ok)[:, None, None]
+        p, moved, columns = scaled.shape[3], None, scaled
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
-            there = measured & ok
+            if self.assumed is not None and self.assumed.columns:
+                moved = np.where(measured[..., None], dy_dtheta[..., self.assumed.columns] * self.assumed.std, 0.0)
+                status = only_finite(status, moved)
+            if self.assumed is not None and self.assumed.free:
+                free = np.where(measured[..., None], dy_dtheta[..., self.assumed.free] * self.assumed.free_std, 0.0)
+                status, columns = only_finite(status, free), np.concatenate([scaled, free], axis=3)
+            there = measured & (status == Status.ok)[:, None, None]
             moved = None if moved is None else np.where(there[..., None], moved, 0.0)
-            spread = self._spread(scaled) if self.sensors.uneven.any() else None
-            rows = self.sensors.rows(scaled, moved, times, np.where(there, y, 0.0), there, spread)
+            spread = self._spread(columns) if self.sensors.uneven.any() else None
+            rows = self.sensors.rows(columns, moved, times, np.where(there, y, 0.0), there, spread)
+            rows = beside_free(rows[..., :p], rows[..., p:])
             rows *= np.sqrt(np.diag(self.noise_covariance))[:, None]
         return rows, only_finite(status, rows)
 

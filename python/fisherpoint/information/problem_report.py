@@ -14,6 +14,7 @@ from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Rule
 from ..show.numbers import number
 from ..show.section import Section
+from .local import Local
 
 
 class ProblemFacts(Protocol):
@@ -35,6 +36,8 @@ class ProblemFacts(Protocol):
     def varies(self) -> Mapping[str, float] | None: ...
     @property
     def initial_state_std(self) -> Mapping[str, float] | None: ...
+    @property
+    def local_parameters(self) -> Mapping[str, Local]: ...
     @property
     def output_covariance(self) -> str | None: ...
     @property
@@ -62,6 +65,7 @@ def problem_sections(problem: ProblemFacts) -> list[Section]:
         ("not measured", ", ".join(q.name for q in model.outputs if problem.noise and q.name not in outputs_of(problem.noise))),
         ("uncertain constants, one std", _numbers(problem.uncertain)),
         ("drawn anew in each point or run, one std", _numbers(problem.varies)),
+        ("local parameters", local_in_words(problem.local_parameters)),
         ("uncertain starts, one std", _numbers(problem.initial_state_std, model.states)),
         ("output covariance", str(problem.output_covariance)),
         ("rule over the prior", repr(problem.rule)),
@@ -71,6 +75,11 @@ def problem_sections(problem: ProblemFacts) -> list[Section]:
     ]
     sections = [Section("Problem", (), [fact for fact in facts if fact[1]]), prior_section(problem.prior, model.parameters)]
     return [*sections, *_region(problem)]
+
+
+def local_in_words(local: Mapping[str, Local]) -> str:
+    """Whose each local parameter is."""
+    return "; ".join(f"{name} {one.words}" for name, one in local.items())
 
 
 def noise_in_words(noise: NoiseOf | None, outputs: Iterable[Quantity]) -> str:

@@ -67,14 +67,13 @@ class RunTangents(NamedTuple):
         there = there[..., None]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             scaled = np.where(there, problem.standardised(self.dy), 0.0)
-            status, moved = only_finite(self.status, scaled), None
-            if assumed is not None and assumed.columns:
+            status = only_finite(self.status, scaled)
+            if not problem.white_alone:
+                times = np.cumsum(self.runs.dt, axis=1)
+                scaled, status = problem.white_rows(scaled, self.dy, times, self.y, there[..., 0], status)
+            elif assumed is not None and assumed.columns:
                 moved = np.where(there, self.dy[..., assumed.columns] * assumed.std, 0.0)
                 status = only_finite(status, moved)
-            if problem.sensors is not None and not problem.sensors.white:
-                times = np.cumsum(self.runs.dt, axis=1)
-                scaled, status = problem.white_rows(scaled, moved, times, self.y, there[..., 0], status)
-            elif moved is not None:
                 noise = np.sqrt(np.diag(problem.noise_covariance))[:, None]
                 rows, by = ((array / noise).reshape(len(array), -1, array.shape[3]) for array in (scaled, moved))
                 scaled = noise * CommonError.of(by).whitened(rows).reshape(scaled.shape)

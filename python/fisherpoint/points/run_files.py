@@ -32,7 +32,7 @@ HOLD, SOLVE = "rest_hold", "rest_solve"
 BEFORE = "before"
 """What columns of inputs before the start begin with: `before_u` has the input u."""
 
-NOTHING: Mapping[str, Array] = FrozenMapping({})
+NOTHING: Mapping[str, Any] = FrozenMapping({})
 
 
 class RunArrays(Protocol):
@@ -47,8 +47,10 @@ class RunArrays(Protocol):
     columns: tuple[str, ...] | None
 
 
-def runs_csv(runs: RunArrays, model: Model | None, outputs: Mapping[str, Array] = NOTHING) -> str:
-    """The text of a file of runs, see `Runs.to_csv`, with columns of outputs (K, N) behind."""
+def runs_csv(
+    runs: RunArrays, model: Model | None, outputs: Mapping[str, Array] = NOTHING, labels: Mapping[str, Sequence[str]] = NOTHING
+) -> str:
+    """The text of a file of runs, see `Runs.to_csv`, with columns of outputs (K, N), and of labels of the runs, behind."""
     columns, rests, n_x, n_u = runs.columns, runs.rests, runs.x0.shape[1], runs.u.shape[2]
     if model is not None:
         check_type(model, Model, "model")
@@ -73,8 +75,10 @@ def runs_csv(runs: RunArrays, model: Model | None, outputs: Mapping[str, Array] 
         header = (*header, *(f"{BEFORE}_{name}" for name in names[n_x:]))
         for row, run, segment in zip(rows, k.tolist(), n.tolist(), strict=True):
             row += runs.before[run].tolist() if segment == 0 else [np.nan] * n_u
-    header = (*header, *outputs)
-    rows = [[*row, *further] for row, further in zip(rows, behind, strict=True)]
+    header = (*header, *outputs, *labels)
+    rows = [
+        [*row, *further, *(of[run] for of in labels.values())] for row, further, run in zip(rows, behind, k.tolist(), strict=True)
+    ]
     if len(set(header)) != len(header):
         taken = listed((RUN.name, SEGMENT.name, DURATION.name, MEASURED.name, *outputs))
         raise ValueError(f"columns: expected names that differ from {taken}; given {listed(names)}")

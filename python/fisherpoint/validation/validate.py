@@ -101,6 +101,8 @@ def validate(
     count, seed = check_positive_int(runs, "runs", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
     noise_known = check_flag(noise_known, "noise_known")
     use_prior = check_flag(use_prior, "use_prior")
+    if problem.local_parameters:
+        raise ValueError(f"local: expected no local parameters in a validation, given {', '.join(problem.local_parameters)}")
     if not noise_known and problem.assumed is not None and problem.assumed.columns:
         raise ValueError("noise_known: expected True beside varies or initial_state_std, given False")
     if truth is not None:

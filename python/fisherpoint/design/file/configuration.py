@@ -22,6 +22,7 @@ from ...basics.options import keys_of, options_of
 from ...basics.quantity import names_of
 from ...basics.toml_mistakes import MOST_LINES, ConfigError, describe, fail_of, misplaced_key
 from ...basics.toml_reader import read_toml
+from ...information.local import RECORD, RUN
 from ...information.problem import DesignProblem
 from ...models.toml_to_model import ModelFile
 from ...noise.models import Noise, NoiseModel, NoiseOf
@@ -42,6 +43,7 @@ from .configuration_tables import (
     CostTable,
     DesignTable,
     GoalTable,
+    LocalEntry,
     NoiseEntry,
     PriorEntry,
     ProblemKeys,
@@ -69,6 +71,7 @@ class Config(ModelFile):
     uncertain: dict[str, Std] = Field(default_factory=dict)
     varies: dict[str, Std] = Field(default_factory=dict)
     initial_state_std: dict[str, Std] = Field(default_factory=dict)
+    local: dict[str, LocalEntry] = Field(default_factory=dict)
     region: RegionTable | None = None
     runs: RunsTable | None = None
     rule: RuleTable = RuleTable()
@@ -128,8 +131,14 @@ class Config(ModelFile):
                 uncertain=uncertain,
                 varies=varies,
                 initial_state_std=stds(self.initial_state_std, model.states),
+                local={q.name: self.local[q.name].build(q.unit) for q in model.parameters if q.name in self.local},
                 **self.design.model_dump(include=_PROBLEM_KEYS, exclude_none=True),
             )
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Columns of data that have labels, as local parameters need them."""
+        return tuple(dict.fromkeys(entry.by for entry in self.local.values() if entry.by not in (RUN, RECORD)))
 
     def _build_noise(self) -> NoiseOf | None:
         units = {quantity.name: quantity.unit for quantity in self.build_model().outputs}

@@ -11,9 +11,10 @@ from ...basics.messages import listed
 from ...basics.quantity import names_of
 from ...basics.toml_mistakes import choices, toml
 from ...basics.toml_tables import missing_entries, missing_names, wrong_entries, wrong_names
+from ...data.labels import LABELS
 from ...data.measurement_files import column_names
 from ...models import Model
-from .configuration_tables import BoundsEntry, NoiseEntry, PriorEntry, RegionTable, Std
+from .configuration_tables import BoundsEntry, LocalEntry, NoiseEntry, PriorEntry, RegionTable, Std
 
 ENTRIES: Mapping[str, type[BaseModel]] = {
     "prior": PriorEntry,
@@ -21,6 +22,7 @@ ENTRIES: Mapping[str, type[BaseModel]] = {
     "uncertain": Std,
     "varies": Std,
     "initial_state_std": Std,
+    "local": LocalEntry,
     "region": BoundsEntry,
 }
 """Tables with an entry for each quantity."""
@@ -70,7 +72,11 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         yield from wrong_names("runs.rest.u", runs.rest.u, names_of(model.inputs))
         if not (runs.rest.hold or runs.rest.outputs or runs.rest.solve):  # of a rest under control, `Rest` says what is missing
             yield from missing_entries("runs.rest.u", missing_names(runs.rest.u, names_of(model.inputs)), "the input that is held")
-    estimated = parameters
+    local = tables.get("local") or {}
+    yield from wrong_entries("local", _units(local), model.parameters)
+    estimated = [name for name in parameters if name not in local]
+    if not estimated:
+        yield f"local: expected a parameter that is not local, given all of {', '.join(parameters)}"
     if design is not None and design.parameters is not None:
         estimated = design.parameters
         for name in (name for name in estimated if name not in parameters):
@@ -80,6 +86,11 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
             yield from wrong_entries(label, _units(given), (*model.constant_quantities, *model.parameters))
             for name in (name for name in given if name in estimated and design is not None):
                 yield f"{label}.{name}: expected a constant, or a parameter that is not among design.parameters, given one that is"
+    for name in (name for name in local if name in estimated and design is not None):
+        yield f"local.{name}: expected a parameter that is not among design.parameters, given one that is"
+    for label in ("uncertain", "varies"):
+        for name in (name for name in local if name in (tables.get(label) or ())):
+            yield f"local.{name}: expected a name that is not in [{label}], given one that is"
     for name in (name for name in tables.get("varies") or () if name in (tables.get("uncertain") or ())):
         yield f"varies.{name}: expected a name that is not in [uncertain], given one that is"
     if (starts := tables.get("initial_state_std")) is not None:
@@ -90,7 +101,8 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         if isinstance(given, dict):
             yield from wrong_names(f"rule.{key}", given, parameters)
             yield from missing_entries(f"rule.{key}", missing_names(given, parameters), expected)
-    yield from wrong_names("data", tables.get("data") or (), column_names(model))
+    labels = (*LABELS, *(entry.by for entry in local.values() if entry is not None))
+    yield from wrong_names("data", tables.get("data") or (), (*column_names(model), *labels))
     if campaign is not None and isinstance(campaign.targets, dict):
         yield from wrong_names("campaign.targets", campaign.targets, estimated)
 

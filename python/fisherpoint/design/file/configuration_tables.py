@@ -17,6 +17,7 @@ from ...basics.quantity import Quantity
 from ...basics.toml_mistakes import fail, toml
 from ...basics.toml_tables import Abbreviated, Constant, Count, NotNegative, Number, Positive, Table
 from ...basics.units import convert_unit, same_zero
+from ...information.local import Local
 from ...models import Model
 from ...noise.models import GaussMarkov, Noise
 from ...points.rest import Rest
@@ -78,6 +79,22 @@ class NoiseEntry(Abbreviated):
             resolution=convert_unit(self.resolution, given, unit, width=True),
             limits=tuple(limits),  # type: ignore[arg-type]  # which says how many there must be
         )
+
+
+class LocalEntry(Abbreviated):
+    """Whose a local parameter is: a word, or a table with the spread."""
+
+    bare, expected = (str,), 'a word such as "run" or "plant", or {by = "run", spread = ...}'
+
+    by: Annotated[str, Field(min_length=1)]
+    spread: Positive | Literal["estimated"] | None = None
+    unit: str | None = None
+
+    def build(self, unit: str) -> Local:
+        """The local parameter, its spread in the unit of the parameter."""
+        if isinstance(self.spread, str) or self.spread is None:
+            return Local(self.by, spread=self.spread)
+        return Local(self.by, spread=convert_unit(self.spread, self.unit or unit, unit, width=True))
 
 
 class PriorEntry(Table):

@@ -10,7 +10,7 @@ from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...information.evaluation import Evaluation
 from ...information.point_information import point_information
-from ...information.prior_information import nuisance_rows, parameter_rows
+from ...information.prior_information import least_rows, nuisance_rows, parameter_rows
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
 from ...points.settings import resolve_threads
@@ -87,7 +87,7 @@ def prior_rows(problem: DesignProblem, goal: Goal) -> Array | None:
 
 def known_beforehand(problem: DesignProblem, goal: Goal) -> Array:
     """Information (n_unknowns, n_unknowns) that counts once beside the data: of nuisance parameters, and `prior_rows`."""
-    of_parameters, rows = prior_rows(problem, goal), nuisance_rows(problem)
+    of_parameters, rows = prior_rows(problem, goal), np.concatenate([nuisance_rows(problem), least_rows(problem)])
     rows = rows if of_parameters is None else np.concatenate([of_parameters, rows])
     return np.asarray(rows.T @ rows, dtype=np.float64)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...basics.messages import listed
 from ...basics.values import Array, IntArray
 from ...engine import _core
 from ...information.output_covariance import needs_covariances
@@ -24,6 +25,9 @@ class ExchangeSearch(PointSearch):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.problem.assumed is not None and self.problem.assumed.open:
+            local = listed(self.problem.assumed.nuisance_names[j] for j in self.problem.assumed.open)
+            raise ValueError(f"method: expected 'auto' beside {local}, local to a plant and without a spread; given 'paper'")
         self.needs_covariances = needs_covariances(str(self.problem.output_covariance))
 
     def _advance(self, iteration: int) -> bool:

@@ -16,6 +16,7 @@ from ...information.evaluation import WITH_PRIOR, value_of_criterion
 from ...information.feasibility import Feasibility
 from ...information.local_robustness import DISTANCE, Nearby, times
 from ...information.problem import DesignProblem
+from ...information.problem_report import local_in_words
 from ...models import Model
 from ...points.experiments import Experiments
 from ...points.outside_region import few, outside
@@ -154,7 +155,8 @@ def _parameter_table(evaluated: EvaluatedPoints) -> Section:
     noise = "the sensor noise (D = R)"
     if problem.assumed is not None:
         anew = "the sensor noise and what is drawn anew (R_k)" if problem.assumed.columns else noise
-        noise = f"{anew}, with uncertain constants unknown too" if problem.n_nuisance else anew
+        also = "uncertain constants" if problem.uncertain or problem.shared_starts else "local parameters"
+        noise = f"{anew}, with {also} unknown too" if problem.n_nuisance else anew
     alone = under_noise.without_prior
     columns = ["parameter", "unit", "mean", "prior std", "standard error", "RSE", "of prior std"]
     columns += [] if alone is None else ["without the prior"]
@@ -201,7 +203,9 @@ def _criterion(evaluated: EvaluatedPoints) -> Section:
 
 
 def _assumed(problem: DesignProblem) -> Iterator[tuple[str, str]]:
-    """What is not known exactly: constants of the plant, and what is drawn anew in each point or run."""
+    """What is not known exactly: constants of the plant, what is drawn anew in each point or run, and local parameters."""
+    if problem.local_parameters:
+        yield "local parameters, estimated too", local_in_words(problem.local_parameters)
     model = problem.model
     units = {q.name: q.unit for q in (*model.states, *model.parameters, *model.constant_quantities)}
     drawn = ("drawn anew in each point or run", problem.varies)

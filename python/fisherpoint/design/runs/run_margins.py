@@ -31,7 +31,8 @@ class RunMargins:
         parts = np.zeros((len(problem.estimated), size))
         parts[:, problem.estimated_columns] = factor.T
         if assumed is not None:
-            columns, std = [*assumed.nuisance, *assumed.columns], np.append(assumed.nuisance_std, assumed.std)
+            anew, std_anew = assumed.drawn
+            columns, std = [*assumed.nuisance, *anew], np.append(assumed.nuisance_std, std_anew)
             further = np.zeros((len(columns), size))
             further[np.arange(len(columns)), columns] = std
             parts = np.concatenate([parts, further])

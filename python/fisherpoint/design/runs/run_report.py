@@ -10,6 +10,7 @@ import numpy as np
 from ...basics.quantity import names_of
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
+from ...information.problem_report import local_in_words
 from ...points.run_region import RunRegion
 from ...show.numbers import computed, counted, number, percent
 from ...show.section import Report, Section
@@ -42,6 +43,8 @@ def run_report(design: FoundRuns) -> Report:
     over = [part for one in over_sections(design) for part in (divided(one) if one.columns else [one])]
     facts = list(goal_facts(design))
     goal = [Section("Goal", (), facts)] if facts else []
+    if problem.local_parameters:
+        goal.append(Section("Estimated too", (), [("local parameters", local_in_words(problem.local_parameters))]))
     parameter_table, *criterion = inner.sections
     tables = [*runs_tables(problem.model, runs, design.n_kept), *divided(_with_means(parameter_table, problem))]
     tables += [*(_summed(one, design.evaluation) for one in criterion), *goal, *_known(design)]

@@ -30,8 +30,9 @@ class RunPlants:
         self._theta, _ = drawn_plants(problem, count, rng)
         assumed = problem.assumed
         self._model, self._settings = problem.limited if assumed is None else assumed.model, settings
-        if assumed is not None and assumed.columns:
-            self._theta[:, assumed.columns] += assumed.std * rng.standard_normal((count, len(assumed.columns)))
+        columns, std = ([], np.empty(0)) if assumed is None else assumed.drawn
+        if columns:
+            self._theta[:, columns] += std * rng.standard_normal((count, len(columns)))
 
     def __len__(self) -> int:
         return len(self._theta)

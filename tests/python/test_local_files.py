@@ -1,0 +1,152 @@
+"""Local parameters in TOML files, tables of data and commands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import fisherpoint as fp
+from fisherpoint.design.file.configuration import ConfigError, load_config
+from fisherpoint_command.cli import app
+from local_cases import NOISE, START, cart, measured
+
+FILE = """
+[model]
+name = "cart"
+states = { v = "m/s" }
+inputs = { F = "N" }
+parameters = { d = "N s/m", c = "N", m_load = "kg" }
+outputs = { y = "m/s" }
+
+[model.equations]
+v = "(F - d*v - c*tanh(v/0.05))/(2.0 + m_load)"
+y = "v"
+
+[prior]
+d = { mean = 1.0, std = 0.8 }
+c = { mean = 0.3, std = 0.3 }
+m_load = { mean = 2.0, std = 1.5 }
+
+[noise]
+y = 0.01
+
+[region]
+v = 0.0
+F = [1, 6]
+dt = 0.2
+
+[runs]
+segments = 6
+n_starts = 1
+"""
+
+
+def written(tmp_path: Path, local: str, more: str = "") -> Path:
+    path = tmp_path / "cart.toml"
+    path.write_text(f"{FILE}\n[local]\n{local}\n{more}")
+    return path
+
+
+def run(*arguments: object) -> str:
+    found = CliRunner().invoke(app, [*map(str, arguments)])
+    assert found.exit_code == 0, found.output
+    return found.output
+
+
+@pytest.mark.parametrize(
+    ("local", "expected"),
+    [
+        ('m_load = "run"', fp.Local("run")),
+        ('m_load = { by = "plant", spread = 300, unit = "g" }', fp.Local("plant", spread=0.3)),
+        ('m_load = { by = "day", spread = "estimated" }', fp.Local("day", spread="estimated")),
+    ],
+)
+def test_the_table_says_whose_a_parameter_is(local: str, expected: fp.Local, tmp_path: Path) -> None:
+    problem = load_config(written(tmp_path, local)).problem()
+    assert problem.local == {"m_load": expected} and problem.estimated == ("d", "c")
+    assert problem.deviations.local == {"m_load": expected}
+
+
+@pytest.mark.parametrize(
+    ("local", "more", "message"),
+    [
+        ('mass = "run"', "", "unknown key local.mass; expected one of d, c, m_load"),
+        ("m_load = 3", "", 'local.m_load: expected a word such as "run" or "plant"'),
+        ("m_load = { spread = 0.1 }", "", "local.m_load.by: missing"),
+        ('m_load = { by = "run", spread = -1 }', "", "local.m_load.spread"),
+        (
+            'm_load = "run"',
+            "[varies]\nm_load = 0.1\n",
+            r"local.m_load: expected a name that is not in \[varies\]",
+        ),
+        (
+            'm_load = "run"',
+            '[design]\nparameters = ["d", "m_load"]\n',
+            "m_load: expected a parameter that is not among design.par",
+        ),
+        ('m_load = "run"\nd = "run"\nc = "run"', "", "local: expected a parameter that is not local, given all of d, c, m_load"),
+    ],
+)
+def test_mistakes_in_the_table_are_named(local: str, more: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_config(written(tmp_path, local, more))
+
+
+def test_commands_take_it(tmp_path: Path) -> None:
+    file = written(tmp_path, 'm_load = { by = "rig", spread = 0.8 }')
+    data = measured(6, each=2, labels={"rig": ["A", "A", "B", "B", "C", "C"]})
+    data.to_csv(tmp_path / "data.csv", cart())
+    run("estimate", file, tmp_path / "data.csv", "-o", tmp_path / "fit", "--no-prior", "--quiet")
+    found = json.loads((tmp_path / "fit" / "fit.json").read_text())
+    fit = fp.estimate(
+        cart(), data, start=START, noise={"y": NOISE}, deviations=fp.Deviations(local={"m_load": fp.Local("rig", spread=0.8)})
+    )
+    assert [one["group"] for one in found["local"]] == ["A", "B", "C"]
+    assert [one["estimate"] for one in found["local"]] == pytest.approx([one.estimate for one in fit.local["m_load"].values()])
+    assert "m_load of each rig, kg" in (tmp_path / "fit" / "report.txt").read_text()
+    assert (tmp_path / "fit" / "local.csv").exists() and (tmp_path / "fit" / "report.html").exists()
+    design = written(tmp_path, 'm_load = "run"')
+    assert "No mistake found" in run("design", design, "--check")
+    run("design", design, "-o", tmp_path / "design", "--quiet")
+    assert "m_load of each run" in (tmp_path / "design" / "report.txt").read_text()
+    assert "c " in run("evaluate", design, tmp_path / "design" / "design.csv")
+
+
+def test_columns_with_labels_are_read(tmp_path: Path) -> None:
+    points = fp.Experiments([[0.1], [0.2], [0.3]], [[1.0], [2.0], [3.0]], [0.2, 0.3, 0.4])
+    data = fp.Measurements(points, [0.1, 0.2, 0.3], labels={"plant": ["A", "B", "B"], "day": [1, 1, 2]})
+    data.to_csv(tmp_path / "points.csv", cart())
+    again = fp.Measurements.from_csv(tmp_path / "points.csv", cart())
+    assert again == data and again.labels["day"] == ("1", "1", "2")
+    assert data[1:].labels == {"plant": ("B", "B"), "day": ("1", "2")}
+    assert fp.Measurements.join([data, data]).labels["plant"] == ("A", "B", "B") * 2
+    frame = {"Rig": ["A", "B"], "v": [0.1, 0.2], "F": [1.0, 2.0], "dt": [0.2, 0.3], "y_y": [0.1, 0.2]}
+    named = {"rig": "Rig", "v": "v", "F": "F", "dt": "dt", "y": "y_y"}
+    assert fp.Measurements.from_table(frame, cart(), columns=named, labels=["rig"]).labels == {"rig": ("A", "B")}
+
+    runs = measured(2, 3, labels={"plant": ["A", "B"]})
+    runs.to_csv(tmp_path / "runs.csv", cart())
+    assert fp.Measurements.from_csv(tmp_path / "runs.csv", cart()) == runs
+    text = (tmp_path / "runs.csv").read_text().replace(",A\r\n", ",\r\n").replace(",\r\n", ",A\r\n", 1)
+    (tmp_path / "first.csv").write_text(text)
+    assert fp.Measurements.from_csv(tmp_path / "first.csv", cart()).labels == runs.labels  # of a run, the first row is enough
+    (tmp_path / "other.csv").write_text((tmp_path / "runs.csv").read_text().replace(",B", ",C", 1))
+    with pytest.raises(ValueError, match="row 5, column plant: expected the label above it, given 'B'"):
+        fp.Measurements.from_csv(tmp_path / "other.csv", cart())
+
+    record = fp.Record([0.0, 0.2, 0.4], [1.0, 2.0, 3.0], [0.0, 0.1, 0.2], labels={"plant": "A"})
+    record.to_csv(tmp_path / "record.csv", cart())
+    assert fp.Record.from_csv(tmp_path / "record.csv", cart()).labels == {"plant": "A"} and record[1:].labels == {"plant": "A"}
+
+
+@pytest.mark.parametrize("labels", [["v"], ["y"], ["status"], ["run"]])
+def test_labels_have_names_of_their_own(labels: list[str], tmp_path: Path) -> None:
+    measured(2, 3).to_csv(tmp_path / "runs.csv", cart())
+    with pytest.raises(ValueError, match="labels: expected names that no quantity of the model has, given"):
+        fp.Measurements.from_csv(tmp_path / "runs.csv", cart(), labels=labels)
+    with pytest.raises(ValueError, match=r"labels\['plant'\]: expected 2 labels, one for each point or run; given 1"):
+        fp.Measurements(measured(2, 3).points, np.zeros((2, 3)), labels={"plant": ("A",)})
