@@ -141,7 +141,7 @@ def model_cases() -> dict[str, Case]:
             lambda on, off, start: fp.math.latch(on, off, start),
             on=(sympy.Symbol("T") < 20,),
             off=(sympy.Symbol("T") > 22,),
-            start=(0, FLAG),
+            start=(0, FLAG, INT),
         ),
         "where()": case(
             lambda condition, a, b: fp.math.where(condition, a, b),

@@ -150,7 +150,7 @@ class NoiseModel:
     def __post_init__(self) -> None:
         outputs = by_name(self.outputs, None, "outputs", as_noise)
         correlation: dict[str, float] = {}
-        for key, value in check_mapping(self.correlation or {}, "correlation").items():
+        for key, value in check_mapping({} if self.correlation is None else self.correlation, "correlation").items():
             pair = tuple(name.strip() for name in key.split(",")) if isinstance(key, str) else key
             if not isinstance(pair, tuple) or len(pair) != 2 or pair[0] == pair[1]:
                 raise ValueError(f"correlation: expected pairs of two outputs, given {shown(key)}")

@@ -363,7 +363,7 @@ def _inputs_before(given: ArrayLike | None, shape: tuple[int, int]) -> Array | N
     try:
         before = np.asarray(given, dtype=np.float64)
         before = np.array(np.broadcast_to(before, shape)) if before.ndim else np.empty(0)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         before = np.empty(0)
     missing = np.isnan(before)
     if before.shape != shape or np.isinf(before).any() or (missing.any(axis=1) & ~missing.all(axis=1)).any():
