@@ -1,4 +1,4 @@
-"""Jacobians of which each row depends on the common unknowns and on few local ones: bordered block-diagonal matrices.
+"""Jacobians whose rows depend on the common unknowns and on few local ones: bordered block-diagonal matrices.
 
     [ L_1          C_1 ]        [ R_1          T_1 ]
     [      L_2     C_2 ]  = Q   [      R_2     T_2 ]

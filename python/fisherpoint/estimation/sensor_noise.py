@@ -153,11 +153,11 @@ class Readings:
         return r, dy * slope[..., None]
 
     def rows(self, y: Array, dy: Array, spread: Array | None = None) -> Array:
-        """Rows (B, N, n_y, P) of which the squares add up to the information, averaged over a `spread` (B, N, n_y) of outputs."""
+        """Rows J (B, N, n_y, P) with the information J^T J, averaged over a `spread` (B, N, n_y) of outputs."""
         return np.asarray(dy * (np.sqrt(self.sensors.precision(y, spread)) * self.measured)[..., None])
 
     def scores(self, y: Array, dy: Array) -> tuple[Array, Array]:
-        """Score residuals (B, N, n_y) and the rows (B, N, n_y, P) of which the squares add up to the information."""
+        """Score residuals (B, N, n_y) and rows J (B, N, n_y, P) with the information J^T J."""
         root = np.sqrt(self.sensors.precision(y)) * self.measured
         e = np.zeros(y.shape)
         for j, of, there in self._each():

@@ -64,7 +64,7 @@ class RunMoves(NamedTuple):
 
 
 def run_moves(assumed: Assumed, data: Measurements, theta: Array, settings: Integration, first: int = 0) -> Iterator[RunMoves]:
-    """The moves of measured runs, SI units, of which the first sample has the number `first`.
+    """The moves of measured runs, SI units; their first sample has the number `first`.
 
     Raises
     ------
@@ -213,7 +213,7 @@ class WeightedResiduals:
         return self._stored[0]
 
     def rows(self, y: Array, jacobian: Array, over_prior: bool = False) -> Array:
-        """Rows (M, P) of which the squares add up to the information, of predicted outputs (1, N, n_y) and derivatives by z.
+        """Rows J (M, P) with the information J^T J, from predicted outputs (1, N, n_y) and their derivatives by z.
 
         That of rounded and limited readings as it is there, or averaged over where unknowns of standard deviation 1 have the
         outputs.
@@ -226,12 +226,12 @@ class WeightedResiduals:
         return rows if self.prior_factor is None else np.concatenate([rows, self.prior_factor])
 
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Residuals (B, M) of which half the squares are minimised, their Jacobian (B, M, P), and whether they are there (B,)."""
+        """Residuals r (B, M), where r^T r / 2 is minimised, their Jacobian (B, M, P), and whether they are there (B,)."""
         r, jacobian, ok = self.stored(z, rows)
         return r, self.layout.dense(jacobian), ok
 
     def scores(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Residuals of variance 1, and rows of which the squares add up to the information: J^T e is the gradient.
+        """Residuals e of variance 1, and rows J with the information J^T J and the gradient J^T e.
 
         As in `__call__`; only of independent readings that are more than white they are others.
         """

@@ -99,7 +99,7 @@ def _censored(y: Array, sigma: Array, slope: Array, lower: float, upper: float) 
     """
     low, high = (lower - y) / sigma, (upper - y) / sigma
     inside = _integral(high, slope) - _integral(low, slope) + (1 + 2 * np.square(slope)) * _probability(low, high)
-    at_limits = _share(low, slope, _cdf(low)) + _share(high, slope, _cdf(-high))
+    at_limits = _share(low, slope, normal_cdf(low)) + _share(high, slope, normal_cdf(-high))
     found: Array = (np.maximum(inside, 0.0) + at_limits) / np.square(sigma)
     return found
 
@@ -127,7 +127,7 @@ def _rounded(y: Array, sigma: Array, slope: Array, q: float, lower: float, upper
     change = _density(high) * (1 + high * slope[:, None]) - _density(low) * (1 + low * slope[:, None])
     found = (weight * _ratio(np.square(change), _probability(low, high))).sum(axis=1)
     low, high = (lower - y) / sigma, (upper - y) / sigma
-    found += _share(low, slope, _cdf(low)) + _share(high, slope, _cdf(-high))
+    found += _share(low, slope, normal_cdf(low)) + _share(high, slope, normal_cdf(-high))
     return np.asarray(found / np.square(sigma))
 
 
@@ -166,7 +166,8 @@ def _density(z: Array) -> Array:
     return found
 
 
-def _cdf(z: Array) -> Array:
+def normal_cdf(z: Array) -> Array:
+    """Distribution function of the standard normal distribution."""
     from scipy.special import ndtr
 
     return np.asarray(ndtr(z))
@@ -176,4 +177,4 @@ def _probability(low: Array, high: Array) -> Array:
     """Phi(high) - Phi(low), by the tail on whose side both are: there the difference keeps its digits."""
     flip = low > 0
     first, second = np.where(flip, -high, low), np.where(flip, -low, high)
-    return np.asarray(_cdf(second) - _cdf(first))
+    return np.asarray(normal_cdf(second) - normal_cdf(first))

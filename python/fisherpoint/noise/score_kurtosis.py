@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..basics.values import Array
-from .reading import SPACING, SPAN, rounded_limits
+from .reading import SPACING, SPAN, normal_cdf, rounded_limits
 from .sensors import Sensors
 
 NODES = 80
@@ -35,16 +35,10 @@ def score_kurtosis(y: Array, sensors: Sensors, output: int) -> Array:
         edges = np.clip(y[:, None] + np.sqrt(np.square(sigma) + q**2 / 12) * steps, lower, upper)
     edges = np.concatenate([np.full((len(y), 1), -np.inf), edges, np.full((len(y), 1), np.inf)], axis=1)
     z = (edges - y[:, None]) / sigma
-    probability = np.diff(_cdf(z), axis=1)
+    probability = np.diff(normal_cdf(z), axis=1)
     finite = np.where(np.isfinite(z), z, 0.0)
     change = np.where(np.isfinite(z), np.exp(-np.square(finite) / 2) / np.sqrt(2 * np.pi) * (1 + finite * slope), 0.0)
     score = np.divide(np.diff(change, axis=1), probability, out=np.zeros(probability.shape), where=probability > 1e-15)
     second, fourth = ((probability * score**power).sum(axis=1) for power in (2, 4))
     found = np.divide(fourth, np.square(second), out=np.full(len(y), LARGEST), where=second > 1e-12)
     return np.asarray(np.clip(found, 1.0, LARGEST))
-
-
-def _cdf(z: Array) -> Array:
-    from scipy.special import ndtr
-
-    return np.asarray(ndtr(z))

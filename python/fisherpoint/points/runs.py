@@ -267,7 +267,7 @@ class Runs(InNotebooks):
         return Runs._of(self.x0, *parts, self.columns, self.rests, self.before)
 
     def starting(self, x0: Array, before: Array | None = None) -> Runs:
-        """Return these runs with known starts (K, n_x), none of which has to be found, and inputs before them (K, n_u)."""
+        """Return these runs with known starts (K, n_x), which need not be found, and inputs before them (K, n_u)."""
         return Runs._of(x0, self.u, self.dt, self.measured, self.columns, None, self.before if before is None else before)
 
     def divided(self, at: ArrayLike) -> Runs:

@@ -118,7 +118,7 @@ class Streams:
 
     @classmethod
     def of(cls, seed: int, outputs: int) -> Streams:
-        """Those of so many outputs, of which each has its own for noise with a memory."""
+        """Those of so many outputs; each output has its own stream for noise with a memory."""
         noise, constants, anew, *memories = (np.random.default_rng([seed, stream]) for stream in range(1, 4 + outputs))
         return cls(noise, constants, anew, tuple(memories))
 
