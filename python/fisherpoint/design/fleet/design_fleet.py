@@ -30,9 +30,6 @@ from ..results.settings import MOST, ExchangeMethod
 from ..runs.design_runs import design_runs
 from .fleet_design import FleetDesign, evaluated, labelled
 
-MOST_PLANTS = 1000
-"""Plants of a fleet, past which they count as a slip."""
-
 
 @with_options
 def design_fleet(
@@ -141,12 +138,11 @@ def _label_of(problem: DesignProblem) -> str:
 
 def _plants(plants: int | Sequence[str]) -> list[str]:
     if isinstance(plants, int):
-        return [str(k + 1) for k in range(check_positive_int(plants, "plants", most=MOST_PLANTS))]
+        return [str(k + 1) for k in range(check_positive_int(plants, "plants", most=1000))]
     names = [check_name(one, "plants") for one in as_sequence(plants, "plants", "labels as text")]
     if not names or len(set(names)) < len(names):
         raise ValueError(f"plants: expected at least one label, and each once; given {listed(names, 'none')}")
-    if len(names) > MOST_PLANTS:
-        raise ValueError(f"plants: expected at most {MOST_PLANTS} labels, given {len(names)}")
+    check_positive_int(len(names), "plants", most=1000)
     return names
 
 
