@@ -16,6 +16,7 @@
 #include <optional>
 #include <vector>
 
+#include "fisherpoint/integration/dense_output.hpp"
 #include "fisherpoint/integration/implicit_step.hpp"
 #include "fisherpoint/integration/outcome.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
@@ -62,6 +63,7 @@ class Integrator {
         method_(method_of<Method>(tolerance)),
         tolerance_(tolerance),
         weight_(tolerance.step_weight()),
+        weight_of_lanes_(weight_),
         landing_(0.1 * std::sqrt(tolerance.relative)) {
     for (int s = 0; s < method_.stages; ++s) fit(stage_[s], f_.states);
     fit(end_, f_.states);
@@ -81,8 +83,9 @@ class Integrator {
   // Integrates y over `duration`, a lane of duration 0 rests; y becomes the last state that was reached. Where `first_step` is
   // 0 the integrator chooses it. The steps that are taken are added to `steps`; lanes of `stiff` begin with implicit ones.
   // `from`: the sides of jumps from which trajectories come, 0 of a slide; without it, and at `unknown_side`, the start tells.
+  // `samples`: where the states on the way are noted, by a method that has dense output.
   Outcome<P> run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps = nullptr,
-                 const Mask& stiff = Lanes::none(), const Side* from = nullptr);
+                 const Mask& stiff = Lanes::none(), const Side* from = nullptr, Samples<P>* samples = nullptr);
 
   const Side& sides() const { return side_; }
   // Of every reset: whether its condition held before the start, -1 where that is not known, and now.
@@ -99,7 +102,7 @@ class Integrator {
   P starting_step(const State& y);
   void leave_roots(const State& y, const P& duration);
 
-  P squared_weight() const { return P(weight_); }
+  const P& squared_weight() const { return weight_of_lanes_; }
   auto last() const { return before(method_.stages); }  // the stage at the step's end
 
   // Whether jump m may be crossed. Where its time does not depend on theta, sensitivities stay what they are.
@@ -199,6 +202,8 @@ class Integrator {
 
   // Decides about the tried step, takes it where it is good, and chooses the next one: step_decision.hpp.
   FISHERPOINT_HOT void control(State& y, const P& duration);
+  // States within a step that is taken: samples.hpp.
+  [[gnu::noinline]] void sample(const Mask& taken, const P& tried, const State& y);
 
   // Along surfaces, away from them, onto them, and over them: surfaces.hpp.
   [[gnu::noinline]] void look_beside(const Mask& lanes, const State& y, const State& middle);
@@ -321,9 +326,11 @@ class Integrator {
   const Method& method_;
   Tolerance tolerance_;
   double weight_;
+  P weight_of_lanes_;  // larger where steps are sampled
   double landing_;  // how near to a kink a step must end to be moved onto it, as a share of the step
   Outcome<P> outcome_;
   Steps<Equation>* steps_ = nullptr;
+  Samples<P>* samples_ = nullptr;
   const Side *from_ = nullptr, *met_ = nullptr;
 
   // Where the lanes are.
@@ -378,8 +385,11 @@ class Integrator {
 // Not inline: where an explicit instantiation is declared, nothing of the integrator is compiled.
 template <class Equation, class Method>
 auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& first_step, Steps<Equation>* steps,
-                                       const Mask& stiff, const Side* from) -> Outcome<P> {
+                                       const Mask& stiff, const Side* from, Samples<P>* samples) -> Outcome<P> {
   steps_ = steps;
+  samples_ = samples;
+  for (int lane = 0; samples && lane < Lanes::width; ++lane)
+    if (!samples->lanes[lane].at.empty()) Lanes::set(weight_of_lanes_, lane, DenseOutput::weight * weight_);
   from_ = from;
   begin(y, duration, first_step);
   set_stiff(tolerance_.method == MethodName::Radau ? !Lanes::none() : stiff);
@@ -408,6 +418,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 #include "fisherpoint/integration/limits.hpp"
 #include "fisherpoint/integration/resets.hpp"
 #include "fisherpoint/integration/rests.hpp"
+#include "fisherpoint/integration/samples.hpp"
 #include "fisherpoint/integration/settle_sides.hpp"
 #include "fisherpoint/integration/start.hpp"
 #include "fisherpoint/integration/step_decision.hpp"

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 
 #include "fisherpoint/integration/status.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
@@ -22,6 +23,18 @@ struct Step {
 
 template <class Equation>
 using Steps = ShelfVector<Step<Equation>>;
+
+// Instants on the way, from the start, increasing and before the end, at which the states of a lane are noted.
+struct SamplesOfLane {
+  std::span<const double> at;
+  double* x = nullptr;    // (count, n_x)
+  std::size_t done = 0;
+  bool missed = false;    // an implicit step, of which only the end is known
+};
+template <class P>
+struct Samples {
+  std::array<SamplesOfLane, lanes_of<P>::width> lanes;
+};
 
 template <class P>
 struct Outcome {

@@ -39,7 +39,8 @@ class SteepTangents {
   }
 
   // A step, implicit in some lanes. Where these are next to a surface that holds them, it goes along that.
-  void advance(const P& size, const Side& side, const Mask& implicit, const Mask& beside = lanes_of<P>::none()) {
+  void advance(const P& size, const Side& side, const Mask& implicit, const Mask& beside = lanes_of<P>::none(),
+               bool dense = false) {
     Mask held = lanes_of<P>::none();
     if (implicit_ && any(implicit)) {
       Side on = side;
@@ -50,7 +51,7 @@ class SteepTangents {
       }
       implicit_->advance(select(implicit & !held, size, P(0.0)), side);
     }
-    to_.advance(select(implicit | held, P(0.0), size), side, beside);
+    to_.advance(select(implicit | held, P(0.0), size), side, beside, dense);
   }
 
   // A step onto the surfaces whose sides differ on the steps behind it, in lanes where `size` is not 0; by implicit steps in

@@ -134,6 +134,7 @@ void Integrator<Equation, Method>::control(State& y, const P& duration) {
   if (any(at_jump & good & !to_surface & !unsure))
     to_surface = to_surface | land_on_first(good & running_ & !to_surface & !unsure, duration, next_cap);
   const Mask taken = good & running_ & !to_surface & !unsure;
+  const P tried = step_;
   if (any(lands & taken)) settle(taken);
   const Mask bad = running_ & !good;
   const Mask stuck = running_ & !taken & (step_ <= 1e-13 * max(time_, first_try_));
@@ -160,6 +161,7 @@ void Integrator<Equation, Method>::control(State& y, const P& duration) {
   cap_ = select(bad, cap_, next_cap);
   outcome_.first_step = select(taken & (time_ <= zero), step_, outcome_.first_step);
 
+  if (unforeseen(samples_ != nullptr)) sample(taken, tried, y);
   if (any_stiff_) implicit_step_->keep(taken & implicit_);
   if (outcome_.attempts > watched_from && tolerance_.method == MethodName::fastest) watch_stiffness(taken, y);
   const P growth = steps_ ? growth_of_distance() : zero;

@@ -7,6 +7,7 @@
 #include <array>
 
 #include "fisherpoint/equations/variational_equation.hpp"
+#include "fisherpoint/integration/dense_output.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
 #include "fisherpoint/integration/sliding_tangents.hpp"
 #include "fisherpoint/integration/sliding_tangents_several.hpp"
@@ -30,6 +31,7 @@ class Tangents {
   using State = typename Equation::State;
   using Side = typename Equation::Side;
   using Mask = mask_of_lanes<P>;
+  static constexpr bool may_be_dense = Method::most_in_error >= DenseOutput::first;
 
  public:
   State x;
@@ -102,9 +104,11 @@ class Tangents {
     return largest_relative_error(squared_error_, squared_error, squared_column_size_);
   }
 
-  // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink.
-  FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none()) {
+  // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink. With `dense`, a method's that has it, x and
+  // S are known within the step.
+  FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none(), bool dense = false) {
     beside_ = beside;
+    dense_ = dense;
     see_slides(side);
     State rate[Method::most_stages], ahead;
     fit_all(rate, ahead);
@@ -112,6 +116,8 @@ class Tangents {
       for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], method_.a[s], rate, i); });
       linearise(ahead, side, step, rate[s], s);
     });
+    if constexpr (may_be_dense)
+      if (unforeseen(dense_)) extend(step, side, rate);
     Estimate estimate;
     for_each_index(f_.states, [&](auto i) { estimate.add(finish(x[i], rate, i), f_.inverse_scale(i)); });
     squared_error_ += squared(estimate);
@@ -120,6 +126,16 @@ class Tangents {
       for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) advance_column(j, k);
     });
     if (slide_) keep_on_slides(step, side);
+  }
+
+  // x and S at a share of the last step, which was dense.
+  [[gnu::noinline]] void within(const P& share, State& x_there, Columns<M, P>& s_there) const {
+    const auto entry = [&](std::size_t e) {
+      const auto& of = polynomial_[e];
+      return from_[e] + DenseOutput::change_until(share, [&](int n) { return of[n]; });
+    };
+    for (std::size_t i = 0; i < x_there.size(); ++i) x_there[i] = entry(i);
+    for (std::size_t e = 0; e < s_there.size(); ++e) s_there[e] = entry(x_there.size() + e);
   }
 
   // At jumps: passing.hpp.
@@ -224,7 +240,7 @@ class Tangents {
     slide_ = f_.holds_end > 0 && any(any_slides<P>(f_, side));
     if (slide_ && f_.holds_end > 1) several_ = several_slides<P>(f_, side);
     if (slide_ && sliding_.empty()) prepare_slides();
-    if (any_several() && several_stages_.empty()) several_stages_.resize(stages());
+    if (any_several() && several_stages_.empty()) several_stages_.resize(stages() + DenseOutput::more);
   }
 
   [[gnu::noinline]] void keep_on_slides(const P& step, const Side& side) {
@@ -243,7 +259,7 @@ class Tangents {
   bool any_several() const { return f_.holds_end > 1 && slide_ && any(several_); }
 
   [[gnu::noinline]] void prepare_slides() {
-    sliding_.resize(stages());
+    sliding_.resize(stages() + DenseOutput::more);
     for (auto& stage : sliding_) stage.fit_to(f_);
   }
 
@@ -300,6 +316,52 @@ class Tangents {
     fit(ahead, f_.states);
   }
 
+  // The stages of dense output, and what x does in the step; before it moves to the step's end.
+  [[gnu::noinline]] void extend(const P& step, const Side& side, const State* rate) {
+    if (polynomial_.empty()) {
+      for (int e = 0; e < DenseOutput::more; ++e) jacobian_[stages() + e].fit_to(f_.dependence);
+      polynomial_.resize(f_.states + f_.dependence.in_columns);
+      from_.resize(polynomial_.size());
+    }
+    State more[DenseOutput::more], ahead;
+    fit(ahead, f_.states);
+    for (int e = 0; e < DenseOutput::more; ++e) {
+      fit(more[e], f_.states);
+      for (int i = 0; i < f_.states; ++i) ahead[i] = DenseOutput::ahead(e, x[i], of_stages(rate, more, i));
+      linearise(ahead, side, step, more[e], stages() + e);
+    }
+    for (int i = 0; i < f_.states; ++i) keep_polynomial(i, x[i], rate, more, i);
+  }
+
+  // The same for column k, which has the pattern of column j.
+  [[gnu::noinline]] void extend_column(auto j, int k, const State* rate) {
+    const auto rows = f_.dependence.rows(j);
+    const int start = f_.dependence.column_start[k];
+    State more[DenseOutput::more], ahead;
+    fit(ahead, f_.states);
+    for (int e = 0; e < DenseOutput::more; ++e) {
+      fit(more[e], f_.states);
+      int at = start;
+      for_each_row(j, [&](int i, int) { ahead[i] = DenseOutput::ahead(e, s[at++], of_stages(rate, more, i)); });
+      column_rate(j, k, stages() + e, ahead, more[e]);
+    }
+    for_each_variable(rows, [&](auto i) {
+      const int at = start + detail::below(rows, i);
+      keep_polynomial(f_.states + at, s[at], rate, more, i);
+    });
+  }
+
+  static auto of_stages(const State* rate, const State* more, int i) {
+    return [=](int s) { return s < DenseOutput::first ? rate[s][i] : more[s - DenseOutput::first][i]; };
+  }
+  void keep_polynomial(int e, const P& from, const State* rate, const State* more, int i) {
+    from_[e] = from;
+    const auto stage = of_stages(rate, more, i);
+    P change(0.0);
+    DenseOutput::fit_polynomial(DenseOutput::ahead(0, change, stage), stage,
+                                [&](int n, const P& value) { polynomial_[e][n] = value; });
+  }
+
   // Column k, which has the pattern of column j.
   void advance_column(auto j, int k) {
     const auto rows = f_.dependence.rows(j);
@@ -322,6 +384,8 @@ class Tangents {
       });
       if (f_.holds_end > 0 && unforeseen(slide_)) slide_column(rows, ahead, k, s, rate[s]);
     });
+    if constexpr (may_be_dense)
+      if (unforeseen(dense_)) extend_column(j, k, rate);
     Estimate estimate;
     P size(0.0);
     for_each_variable(rows, [&](auto i) {
@@ -387,7 +451,11 @@ class Tangents {
   P squared_error_{0.0};
   typename ArraysOf<M, P>::Parameters squared_column_error_, squared_column_size_;
   typename ArraysOf<M, P>::Parameters coarse_fourth_;  // the column's distance to the coarse solution, to the fourth power
-  Jacobian<M, P> jacobian_[Method::most_in_error];
+  Jacobian<M, P> jacobian_[Method::most_in_error + DenseOutput::more];
+  // Of the last step, where it was dense: x and then S at its start, and how they go on.
+  bool dense_ = false;
+  ShelfVector<P> from_;
+  ShelfVector<std::array<P, DenseOutput::coefficients>> polynomial_;
 };
 
 }  // namespace fisherpoint

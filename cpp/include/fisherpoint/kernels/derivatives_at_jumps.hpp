@@ -8,6 +8,7 @@
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/integration/tangents.hpp"
 #include "fisherpoint/kernels/moved_switches.hpp"
+#include "fisherpoint/kernels/piece_samples.hpp"
 #include "fisherpoint/kernels/point_paths.hpp"
 #include "fisherpoint/kernels/points.hpp"
 #include "fisherpoint/kernels/segment_ends.hpp"
@@ -22,6 +23,7 @@ struct Carried {
   const unsigned char* measured;  // (count,), whether the derivative at the end is asked for
   SegmentEnd* const* ends;        // (count,), of models with jumps
   MovedStarts moved = {};
+  const PieceSamples* samples = nullptr;  // of pieces of several segments
 };
 
 // Where S has no value on the side on which a trajectory starts off a jump: unless h stays zero there whatever theta, a part of

@@ -1,8 +1,8 @@
 // States, outputs and sensitivities along a batch of runs: segment after segment, S carried on from one to the next.
 //
-// A segment of a run is an experiment point that starts at what the last one left (sensitivities.hpp). Segments of several runs
-// share a pack, whichever they are of each, where they take equally many steps: a run waits for others so that lanes are full.
-// Nothing of a run depends on the others.
+// A piece of a run, its segments under the same input (runs.hpp), is an experiment point that starts at what the last one left
+// (sensitivities.hpp). Pieces of several runs share a pack, whichever they are of each, where they take equally many steps: a
+// run waits for others so that lanes are full. Nothing of a run depends on the others.
 #pragma once
 
 #include <algorithm>
@@ -58,17 +58,30 @@ class RunTeam {
     const Points points{segment_.size(), x0_.data(), u_.data(), dt_.data()};
     const Parameters of_pieces{theta_.data(), true};
     const MovedStarts moved{start.moved.each, moved_by_.data(), rate_.data(), slid_.data()};
-    const Carried carried{s_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data(), moved};
+    const bool dense = DenseOutput::exists(method_of<Method>(tolerance));
+    const PieceSamples samples{at_.data(),
+                               state_.data(),
+                               first_segment_.data(),
+                               start.measured,
+                               out.x,
+                               out.y,
+                               out.dx_dtheta,
+                               out.dy_dtheta,
+                               missed_.data()};
+    const Carried carried{s_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data(), moved, &samples};
     const SensitiveTrajectories reached{x_.data(), y_.data(), s_after_.data(), dy_.data(), status_.data()};
     const auto leave = std::chrono::steady_clock::now() + stay;
     while (!done() && std::chrono::steady_clock::now() < leave) {
       const std::size_t beginning = waiting_.empty() ? starting_.size() : starting_.size() / width * width;
       const std::vector<std::size_t> begun(starting_.begin(), starting_.begin() + beginning);
       starting_.erase(starting_.begin(), starting_.begin() + beginning);
-      for (const std::size_t i : begun) begin_piece(shape, runs, start, i, out);
+      for (const std::size_t i : begun) begin_piece(shape, runs, start, i, dense, out);
       if (moved.each > 0) come_to_switches<P, Method>(model, points, of_pieces, tolerance, begun, start.moved, runs.segments);
       in_packs(Workers(1), begun, width,
                [&](auto rows) { find_paths<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached); });
+      for (const std::size_t i : begun)
+        if (at_[i].size() > 1 && paths_[i].size() > 0)
+          missed_[i] = !samples_lie_between(shape, paths_[i], at_[i], next_to_jump * tolerance.relative * dt_[i]);
       waiting_.insert(waiting_.end(), begun.begin(), begun.end());
       end_pieces(shape, runs, start, out);  // that have failed
       in_packs(Workers(1), full_packs(width), width, [&](auto rows) {
@@ -96,6 +109,12 @@ class RunTeam {
       numbers->assign(count * each, 0.0);
     if (start.s) std::copy_n(start.s + first_ * n_x * p, s_.size(), s_.data());
     segment_.assign(count, 0);
+    first_segment_.assign(count, 0);
+    state_.assign(count, 0);
+    at_.resize(count);
+    missed_.assign(count, 0);
+    one_by_one_.assign(count, 0);
+    begun_.resize(count);
     waited_.assign(count, 0);
     stiff_.assign(count, 0);
     measured_.assign(count, 0);
@@ -128,12 +147,23 @@ class RunTeam {
     return false;
   }
 
-  void begin_piece(const Shape<M>& shape, const Runs& runs, const RunStart& start, std::size_t i, const SensitiveRuns& out) {
+  void begin_piece(const Shape<M>& shape, const Runs& runs, const RunStart& start, std::size_t i, bool dense,
+                   const SensitiveRuns& out) {
     const std::size_t k = first_ + i, n = runs.segments, n_x = shape.states, n_u = shape.inputs;
+    const bool alone = !dense || stiff_[i] || segment_[i] < one_by_one_[i];
+    const auto separate = [&](std::size_t segment) {
+      const std::int32_t* const by = start.moved.column + (k * n + segment) * start.moved.each;
+      return alone || std::any_of(by, by + start.moved.each, [](std::int32_t j) { return j >= 0; });
+    };
+    find_piece(runs, k, segment_[i], n_u, separate, at_[i]);
+    missed_[i] = false;
+    first_segment_[i] = k * n + segment_[i];
+    state_[i] = first_segment_[i] + k;
+    if (at_[i].size() > 1) begun_[i] = {step_[i], goes_on_from_ends(shape) ? end_[i] : SegmentEnd{}};
     std::copy_n(out.x + (k * (n + 1) + segment_[i]) * n_x, n_x, x0_.data() + i * n_x);
     std::copy_n(runs.u_of(k, segment_[i], shape.inputs), n_u, u_.data() + i * n_u);
-    dt_[i] = runs.dt_of(k, segment_[i]);
-    measured_[i] = start.measured[k * n + segment_[i]];
+    dt_[i] = at_[i].back();
+    measured_[i] = start.measured[first_segment_[i] + at_[i].size() - 1];
     waited_[i] = 0;
   }
 
@@ -162,20 +192,22 @@ class RunTeam {
 
   void end_pieces(const Shape<M>& shape, const Runs& runs, const RunStart& start, const SensitiveRuns& out) {
     std::erase_if(waiting_, [&](auto i) {
-      if (paths_[i].size() > 0) return false;
+      if (paths_[i].size() > 0 && !missed_[i]) return false;
       end_piece(shape, runs, start, i, out);
       return true;
     });
   }
 
   void end_piece(const Shape<M>& shape, const Runs& runs, const RunStart& start, std::size_t i, const SensitiveRuns& out) {
-    const std::size_t k = first_ + i, n = runs.segments, at = k * n + segment_[i]++;
+    const std::size_t k = first_ + i, n = runs.segments, inside = at_[i].size() - 1, at = first_segment_[i] + inside;
     const std::size_t n_x = shape.states, n_y = shape.outputs, n_u = shape.inputs, p = shape.parameters;
+    if (inside > 0 && (missed_[i] || status_[i] != Status::ok)) return begin_one_by_one(shape, i, out);
+    segment_[i] += inside + 1;
     std::copy_n(x_.data() + i * n_x, n_x, out.x + (k * (n + 1) + segment_[i]) * n_x);
     std::copy_n(y_.data() + i * n_y, n_y, out.y + at * n_y);
     out.status[k] = status_[i];
     if (status_[i] == Status::ok) {
-      ++out.reached[k];
+      out.reached[k] += inside + 1;
       const std::span<const double> s(s_after_.data() + i * n_x * p, n_x * p);
       if (out.dx_dtheta) std::copy(s.begin(), s.end(), out.dx_dtheta + at * n_x * p);
       if (out.dx_dtheta && start.doubts && goes_on_from_ends(shape))
@@ -185,6 +217,22 @@ class RunTeam {
       if (goes_on_from_ends(shape)) end_[i].u.assign(u_.data() + i * n_u, u_.data() + (i + 1) * n_u);
     }
     if (goes_on(shape, runs, i, out)) starting_.push_back(i);
+  }
+
+  // The piece anew, segment by segment.
+  void begin_one_by_one(const Shape<M>& shape, std::size_t i, const SensitiveRuns& out) {
+    const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters, at = first_segment_[i];
+    const std::size_t inside = at_[i].size() - 1;
+    std::fill_n(out.y + at * n_y, inside * n_y, 0.0);
+    if (out.dx_dtheta) std::fill_n(out.dx_dtheta + at * n_x * p, inside * n_x * p, 0.0);
+    std::fill_n(out.dy_dtheta + at * n_y * p, inside * n_y * p, 0.0);
+    paths_[i] = PointPath<M>();
+    status_[i] = Status::ok;
+    step_[i] = begun_[i].step;
+    stiff_[i] = false;
+    end_[i] = begun_[i].end;
+    one_by_one_[i] = segment_[i] + inside + 1;
+    starting_.push_back(i);
   }
 
   // Those of the waiting pieces that fill packs, by the number of their steps.
@@ -219,6 +267,16 @@ class RunTeam {
   std::vector<std::size_t> starting_, waiting_;  // runs, from first_ on: for their next segment, and for S along it
   // Of every run: the segment, its point and its path, what it carries on, and for how many rounds it has waited for others.
   std::vector<std::size_t> segment_;
+  // Of every piece: its first segment and its start among those of all runs, and when its segments end; whether its samples
+  // must be ends of pieces, until which segment they are, and what it began with.
+  struct Begun {
+    double step;
+    SegmentEnd end;
+  };
+  std::vector<std::size_t> first_segment_, state_, one_by_one_;
+  std::vector<std::vector<double>> at_;
+  std::vector<unsigned char> missed_;
+  std::vector<Begun> begun_;
   std::vector<int> waited_;
   std::vector<double> x0_, u_, theta_, dt_, s_, step_;
   std::vector<unsigned char> stiff_, measured_;

@@ -122,7 +122,9 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     });
     const bool steep = equation.dependence.any_steep() || taken.starts_on != 0;
     if (shape.holds_end > shape.jumps_end) taken = held_at_once(shape, taken);
-    paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken, first_refinement);
+    const bool sampled = carried && carried->samples && carried->samples->inside(k) > 0;
+    paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken,
+                          sampled ? refinement_of_sampled : first_refinement);
     paths[k].fineness = 1.0;
     if (shape.holds_end > shape.jumps_end) {  // onto a surface that holds it, from either side
       paths[k].start = paths[k].runs[0].side;
@@ -186,6 +188,10 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return meets_steep(paths[k]); }) ||
       (shape.holds_end > shape.jumps_end && implicit_tangents))
     steep_tangents.emplace(equation, tangents, implicit_tangents ? &*implicit_tangents : nullptr, tolerance.relative);
+  std::optional<SamplesOnTheWay<M, P, Method>> samples;
+  if (carried && carried->samples &&
+      std::any_of(rows.begin(), rows.end(), [&](auto k) { return carried->samples->inside(k) > 0; }))
+    samples.emplace(model, equation, pack, rows, *carried->samples);
   mask_of_lanes<P> grazes = lanes_of<P>::none();
   for_each_step<P, M>(
       shape, rows, paths,
@@ -193,17 +199,25 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
         grazes = grazes | tangents.pass(before, after, resets);
       },
       [&](P size, const auto& side, const auto& kind) {
+        const P whole = size;
+        const bool dense = samples && samples->in(size);
         if (starts_moved) tangents.take_off_rates(side, moved_by, pack.used), starts_moved = false;
         if (steep_tangents && any(kind.towards | kind.away)) {
           steep_tangents->leave(select(kind.away, size, P(0.0)), side, kind.other, kind.part, kind.implicit);
           steep_tangents->approach(select(kind.towards, size, P(0.0)), side, kind.other, kind.part, kind.implicit);
           size = select(kind.towards | kind.away, P(0.0), size);
         }
-        if (steep_tangents) return steep_tangents->advance(steep_tangents->made_up(size), side, kind.implicit, kind.beside);
-        if (!implicit_tangents) return tangents.advance(size, side, kind.beside);
-        tangents.advance(select(kind.implicit, P(0.0), size), side, kind.beside);
-        implicit_tangents->advance(select(kind.implicit, size, P(0.0)), side);
+        if (steep_tangents) {
+          steep_tangents->advance(steep_tangents->made_up(size), side, kind.implicit, kind.beside, dense);
+        } else if (!implicit_tangents) {
+          tangents.advance(size, side, kind.beside, dense);
+        } else {
+          tangents.advance(select(kind.implicit, P(0.0), size), side, kind.beside, dense);
+          implicit_tangents->advance(select(kind.implicit, size, P(0.0)), side);
+        }
+        if (samples) samples->take(tangents, whole);
       });
+  if (samples) samples->end();
 
   const Method& method = method_of<Method>(tolerance);
   const P error = tangents.relative_error();
