@@ -1,4 +1,4 @@
-"""Runs of random models: nice durations, inputs that stay or change, ends of segments on surfaces to the last digit."""
+"""Runs of random models: nice durations, inputs that stay or change, ends of segments on surfaces to the last digit, samples."""
 
 from __future__ import annotations
 
@@ -84,6 +84,13 @@ def drawn(bench: Bench, rng: np.random.Generator, k: int) -> Run | None:
                 # There may be no derivative of what is measured at the surface itself.
                 measured[0, n] = n == count - 1 or not rng.integers(3)
                 one = Run(bench, fp.Runs(x0, u, dt[None], measured), theta)
+    if rng.integers(2):
+        shares = np.unique(np.append(rng.choice([1e-6, 0.01, 0.1, 0.25, 1 / 3, 0.5, 0.7, 1 - 1e-6], 3), 1.0))
+        one = Run(bench, one.runs.divided(shares), theta)
+        flags = rng.random(one.runs.dt.shape) < 0.8
+        flags[:, -1] = True  # as a point is compared with the last
+        one.runs = one.runs.measuring(flags) if rng.integers(2) else one.runs
+        bench.figures.count("runs: samples within segments")
     return one if one.simulate(RTOL) is not None else None
 
 
