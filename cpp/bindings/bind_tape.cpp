@@ -32,13 +32,16 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
                      std::vector<bool> rough, std::vector<bool> steep, std::vector<bool> closed,
                      std::vector<bool> constant_slopes, int reset_count, Program resets, Program reset_jacobian,
                      const std::vector<std::pair<int, int>>& reset_targets,
-                     const std::vector<std::pair<int, int>>& reset_entries, std::vector<bool> reset_levels) {
+                     const std::vector<std::pair<int, int>>& reset_entries, std::vector<bool> reset_levels, int update_count,
+                     Program updates, Program update_jacobian, const std::vector<std::pair<int, int>>& update_targets,
+                     const std::vector<std::pair<int, int>>& update_entries) {
   Shape<TapeModel> shape{
       static_cast<int>(scales.size()),  inputs, outputs, parameters, jumps, jumps + kinks, jumps + kinks + poles,
       jumps + kinks + limits - measured};
   shape.measured = measured;
   shape.sided_limits = detail::reads_sides(surfaces, shape);
   shape.resets = reset_count;
+  shape.updates = update_count;
   const auto entries = [](const std::vector<std::pair<int, int>>& pairs) {
     std::vector<Entry> result;
     for (const auto& [row, variable] : pairs) result.push_back({row, variable});
@@ -51,7 +54,8 @@ TapeModel tape_model(const std::vector<double>& scales, int inputs, int outputs,
       entries(state_entries), entries(rate_entries), entries(output_entries), entries(jump_entries),
       {std::move(varying_states), std::move(varying_outputs), std::move(varying_surfaces), std::move(crossable),
        std::move(rough), std::move(steep), std::move(closed), std::move(constant_slopes)},
-      {std::move(resets), std::move(reset_jacobian), entries(reset_targets), entries(reset_entries), std::move(reset_levels)});
+      {std::move(resets), std::move(reset_jacobian), entries(reset_targets), entries(reset_entries), std::move(reset_levels)},
+      {std::move(updates), std::move(update_jacobian), entries(update_targets), entries(update_entries)});
 }
 
 using P = Pack<16>;
@@ -105,7 +109,8 @@ void bind_tape(py::module_& m) {
            "rate_jacobian"_a, "output_jacobian"_a, "jump_jacobian"_a, "state_entries"_a, "rate_entries"_a, "output_entries"_a,
            "jump_entries"_a, "varying_states"_a, "varying_outputs"_a, "varying_surfaces"_a, "crossable"_a, "rough"_a, "steep"_a,
            "closed"_a, "constant_slopes"_a, "reset_count"_a, "resets"_a, "reset_jacobian"_a, "reset_targets"_a,
-           "reset_entries"_a, "reset_levels"_a,
+           "reset_entries"_a, "reset_levels"_a, "update_count"_a, "updates"_a, "update_jacobian"_a, "update_targets"_a,
+           "update_entries"_a,
            "Scales of the states, how many there are of what (the poles and what is measured among the limits), and the "
            "programs with their entries.")
       .def(
@@ -127,6 +132,14 @@ void bind_tape(py::module_& m) {
                             [](const Equation& f, const Equation::State& x) { return f.output(x); });
           },
           "x"_a, "u"_a, "theta"_a)
+      .def(
+          "updated",
+          [](const TapeModel& model, const Input& x, const Input& u, const Input& theta, std::int32_t which) {
+            return map_rows(model, x, u, theta, model.shape().states, [which](const Equation& f, const Equation::State& x) {
+              return f.update(x, P(static_cast<double>(which)));
+            });
+          },
+          "x"_a, "u"_a, "theta"_a, "which"_a, "States behind the updates that `which` has as bits.")
       .def(
           "output_jacobian",
           [](const TapeModel& model, const Input& x, const Input& u, const Input& theta) {

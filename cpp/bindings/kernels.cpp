@@ -62,7 +62,7 @@ Points checked_points(const M& model, const Input& x0, const Input& u, const Inp
 }
 
 template <class M>
-Runs checked_runs(const M& model, const Input& x0, const Input& u, const Input& dt) {
+Runs checked_runs(const M& model, const Input& x0, const Input& u, const Input& dt, const Columns& updates) {
   const py::ssize_t n_u = shape_of(model).inputs, count = x0.ndim() == 2 ? x0.shape(0) : -1;
   const bool shared = dt.ndim() == 1;
   const py::ssize_t segments = dt.ndim() > 0 ? dt.shape(dt.ndim() - 1) : -1;
@@ -74,7 +74,11 @@ Runs checked_runs(const M& model, const Input& x0, const Input& u, const Input& 
     check_shape(dt, {count, segments}, "dt");
     check_shape(u, {count, segments, n_u}, "u");
   }
-  return {static_cast<std::size_t>(count), static_cast<std::size_t>(segments), x0.data(), u.data(), dt.data(), shared};
+  const bool some = updates.size() > 0;
+  if (some && !std::equal(updates.shape(), updates.shape() + updates.ndim(), dt.shape(), dt.shape() + dt.ndim()))
+    throw py::value_error("updates: expected one number for every segment");
+  return {static_cast<std::size_t>(count), static_cast<std::size_t>(segments), x0.data(), u.data(), dt.data(), shared,
+          some ? updates.data() : nullptr};
 }
 
 template <class M>
@@ -155,9 +159,9 @@ void bind_model(py::module_& m) {
   m.def(
       "simulate_runs",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
-         bool cross_jumps, const std::string& method, int threads) {
+         bool cross_jumps, const std::string& method, int threads, const Columns& updates) {
         const py::ssize_t n_x = sizes_of(model)[0];
-        const Runs runs = checked_runs(model, x0, u, dt);
+        const Runs runs = checked_runs(model, x0, u, dt, updates);
         const auto count = static_cast<py::ssize_t>(runs.count), segments = static_cast<py::ssize_t>(runs.segments);
         const Parameters parameters = checked_parameters(model, theta, count);
         auto x = empty({count, segments + 1, n_x});
@@ -170,16 +174,18 @@ void bind_model(py::module_& m) {
         return py::make_tuple(x, status, reached);
       },
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
+      "updates"_a = Columns(),
       "States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), "
-      "or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed.");
+      "or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed. updates, as dt: those of "
+      "the model that come at the segments' starts, as bits.");
 
   m.def(
       "run_sensitivities",
       [](const M& model, const Input& x0, const Input& u, const Input& dt, const Input& theta, double rtol, bool cross_kinks,
          bool cross_jumps, const std::string& method, int threads, const Flags& measured, const Input& s, bool outputs_alone,
-         bool doubts, const Columns& moved, const Input& moved_u, bool whole_first) {
+         bool doubts, const Columns& moved, const Input& moved_u, const Columns& updates, bool whole_first) {
         const auto [n_x, n_y, p] = sizes_of(model);
-        const Runs runs = checked_runs(model, x0, u, dt);
+        const Runs runs = checked_runs(model, x0, u, dt, updates);
         const auto count = static_cast<py::ssize_t>(runs.count), segments = static_cast<py::ssize_t>(runs.segments);
         const Parameters parameters = checked_parameters(model, theta, count);
         if (measured.ndim() != 2 || measured.shape(0) != count || measured.shape(1) != segments)
@@ -206,12 +212,13 @@ void bind_model(py::module_& m) {
       },
       "model"_a, "x0"_a, "u"_a, "dt"_a, "theta"_a, "rtol"_a, "cross_kinks"_a, "cross_jumps"_a, "method"_a, "threads"_a,
       "measured"_a, "s"_a, "outputs_alone"_a = false, "doubts"_a = false, "moved"_a = Columns(), "moved_u"_a = Input(),
-      "whole_first"_a = false,
+      "updates"_a = Columns(), "whole_first"_a = false,
       "x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, "
       "empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN "
       "that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in "
       "instants "
-      "that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before.");
+      "that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before. "
+      "updates are as of simulate_runs.");
 
   m.def(
       "predictive_covariance",

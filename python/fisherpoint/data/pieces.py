@@ -165,6 +165,11 @@ def pieces(
             f"model: expected one without latch(), which would remember nothing at the start of each window, given {model.name}:"
             " set a state of your own by resets"
         )
+    if model.updates:
+        raise ValueError(
+            f"model: expected one without updates, as windows do not know the time since the last one, given {model.name}: estimate"
+            " from the record, or from parts of it, record[first:last]"
+        )
     if model.delays:
         raise ValueError(
             f"model: expected one without delay(), as windows do not know the inputs before their starts, given {model.name}:"

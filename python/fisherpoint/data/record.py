@@ -18,8 +18,8 @@ from ..basics.quantity import names_of
 from ..basics.table import as_table
 from ..basics.values import Array
 from ..models import Model
-from ..points.dead_time import Earlier
 from ..points.run_files import BEFORE, time_name
+from ..points.schedule import Earlier
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, first_rows, numbered
 from .held_inputs import checked_times, held_inputs

@@ -12,8 +12,8 @@ from ..basics.checks import as_float, as_floats_of_shape, by_name, check_type, i
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
-from ..points.dead_time import Earlier, Switched, switched
 from ..points.natural_sizes import warn_of_small_states
+from ..points.schedule import Earlier, Schedule, scheduled
 from ..points.settings import Integration, check_rtol
 from ..points.status import Status
 from ..show.numbers import counted
@@ -111,18 +111,18 @@ class RecordInputs(NamedTuple):
     before: Array
     earlier: Earlier | None = None
 
-    def switched(self, model: Model, theta: Array) -> tuple[Switched, Array]:
+    def scheduled(self, model: Model, theta: Array) -> tuple[Schedule, Array]:
         """Segments between all switches for parameters (B, p), up to the last sample, and inputs (B, N, n_u) at the samples."""
         count, row, dt = len(theta), np.arange(len(theta))[:, None], np.diff(self.t)
         dt = np.append(dt, dt[-1:] if len(dt) else 1.0)  # which shows what switches at the last sample
         u, before = (np.broadcast_to(of, (count, *of.shape)) for of in (self.u, self.before))
-        found = switched(model, u, np.broadcast_to(dt, (count, len(dt))), before, theta, self.earlier)
+        found = scheduled(model, u, np.broadcast_to(dt, (count, len(dt))), before, theta, self.earlier, float(self.t[0]))
         ends = found.ends[:, :-1]
         first = np.concatenate([np.zeros((count, 1), dtype=np.intp), ends + 1], axis=1)
         late = np.arange(found.dt.shape[1]) >= first[:, -1:]
         length = int(first.max(initial=1)) if len(self.t) > 1 else 1
         moved = np.where(late[:, :, None], np.int32(-1), found.moved)
-        some = Switched(found.u, np.where(late, 0.0, found.dt), ends, moved, found.moved_u)
+        some = found._replace(dt=np.where(late, 0.0, found.dt), ends=ends, moved=moved)
         return some.until(length), found.u[row, first]
 
 
@@ -139,10 +139,10 @@ def record_trajectories(
         _, y, ended, _ = model.kernels.simulate(model.core, none, inputs, ones, rows, *settings)
         x, failed = np.empty((count, samples, 0)), ended.reshape(count, samples)
         status, reached = first_failure(failed), np.full(count, samples - 1)
-    elif model.delays:
-        found, at_samples = held.switched(model, theta)
+    elif model.delays or model.updates:
+        found, at_samples = held.scheduled(model, theta)
         given = model.at(x0, t[0]), found.u, found.dt
-        x, status, reached = model.kernels.simulate_runs(model.core, *given, theta, *settings)
+        x, status, reached = model.kernels.simulate_runs(model.core, *given, theta, *settings, **found.of_states())
         x = x[np.arange(count)[:, None], np.concatenate([np.zeros_like(found.ends[:, :1]), found.ends + 1], axis=1)[:, :samples]]
         reached, inputs = (found.ends < reached[:, None]).sum(axis=1), at_samples.reshape(len(inputs), -1)
     else:

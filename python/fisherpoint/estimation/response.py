@@ -15,10 +15,10 @@ from ..basics.values import Array, IntArray
 from ..data.record import Record
 from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
-from ..points.dead_time import Switched
 from ..points.parameter_checks import sensible
 from ..points.run_trajectories import checked_run_sensitivities, checked_run_trajectories
 from ..points.runs import Runs
+from ..points.schedule import Schedule
 from ..points.settings import Integration, check_rtol, resolve_threads
 from ..points.status import Status
 
@@ -154,7 +154,8 @@ class RecordResponse:
             kept = status[rows] == Status.ok
             rows, x = rows[kept], x[kept]
         if len(rows):
-            follow = self._static if not n_x else self._in_one if self.model.latches else self._carried  # latches remember
+            whole = self.model.latches or self.model.updates  # what is remembered, and set anew between pieces
+            follow = self._static if not n_x else self._in_one if whole else self._carried
             dy[rows], status[rows] = follow(theta[rows], x)
         finite = np.isfinite(dy).all(axis=(1, 2, 3))
         status[(status == Status.ok) & ~finite] = Status.not_finite
@@ -193,14 +194,15 @@ class RecordResponse:
             values, n = given[rows], rows.stop - first
             u, dt = (np.repeat(of[None], n, axis=0) for of in (self.record.u[:-1], np.diff(self.record.t)))
             at_samples, options = np.tile(self.record.u, (n, 1)), {"s": np.empty(0), "doubts": True}
-            if model.delays:
-                found, inputs = self.record.inputs.switched(model, values)
+            scheduled = model.delays or model.updates
+            if scheduled:
+                found, inputs = self.record.inputs.scheduled(model, values)
                 u, dt, at_samples, options = found.u, found.dt, inputs.reshape(len(at_samples), -1), options | found.options()
             measured = np.zeros(dt.shape, dtype=bool)
             _, _, dx, _, status[rows], _ = model.kernels.run_sensitivities(
                 model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, **options
             )
-            dx = dx[np.arange(n)[:, None], found.ends] if model.delays else dx
+            dx = dx[np.arange(n)[:, None], found.ends] if scheduled else dx
             s = np.concatenate([np.zeros((n, 1, n_x, dx.shape[3])), dx], axis=1)[..., columns]
             s[..., self._free, len(self.columns) + np.arange(len(self.starts))] += 1.0
             points = x[rows].reshape(-1, n_x), at_samples, np.repeat(values, samples, axis=0)
@@ -236,7 +238,7 @@ class RecordResponse:
             return lambda at: np.repeat(u[at], count, axis=0), of_points
 
         # A piece is a run of as many segments as there are between the switches in it.
-        found, inputs = self.record.inputs.switched(model, theta)
+        found, inputs = self.record.inputs.scheduled(model, theta)
         first = np.concatenate([np.zeros_like(found.ends[:, :1]), found.ends[:, :-1] + 1], axis=1)
 
         def of_runs(at: slice, states: Array, _: Array, parameters: Array) -> tuple[Array, IntArray]:
@@ -262,7 +264,7 @@ class RecordResponse:
 
         return lambda at: inputs[:, at].swapaxes(0, 1).reshape(-1, inputs.shape[2]), of_runs
 
-    def _leaves_jump(self, found: Switched, x: Array, theta: Array) -> NDArray[np.bool_]:
+    def _leaves_jump(self, found: Schedule, x: Array, theta: Array) -> NDArray[np.bool_]:
         """Whether records (B,) start on a jump where their input switches, off which that before would move them."""
         model, jumps = self._shifted, len(self._shifted.jumps)
         leaves = np.zeros(len(x), dtype=bool)

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..noise.common_error import CommonError
-from ..points.dead_time import dead_times, switched_runs
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
+from ..points.schedule import dead_times, scheduled_runs
 from ..points.settings import Integration
 from ..points.status import Status, only_finite
 from .assumed import Assumed
@@ -139,7 +139,7 @@ def _behind(
     model: Model, runs: Runs, theta: Array, first: NDArray[np.intp]
 ) -> tuple[tuple[Array, Array], NDArray[np.intp], dict[str, Any]]:
     """Segments u and dt of runs from `first` (K,) on, their numbers (K, N) among these, -1 before, and options of the kernel."""
-    found = switched_runs(model, runs, theta)[1] if model.delays else None
+    found = scheduled_runs(model, runs, theta)[1] if model.delays or model.updates else None
     u, dt = (runs.u, runs.dt) if found is None else (found.u, found.dt)
     ends = np.broadcast_to(np.arange(runs.dt.shape[1]), runs.dt.shape) if found is None else found.ends
     row = np.arange(len(runs))[:, None]

@@ -13,6 +13,7 @@ from ..basics.checks import as_floats, in_order
 from ..basics.quantity import DURATION, Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine.levels import Kernels, kernels
+from .tape.update import UpdateTimes
 
 if TYPE_CHECKING:
     from .dependence import Dependence
@@ -67,6 +68,7 @@ class Model(ABC):
     crossable: tuple[str, ...] = ()
     clock: Any = None
     latches: int = 0
+    updates: tuple[UpdateTimes, ...] = ()
     along: tuple[str, ...] = ()
     delays: Mapping[str, str | float] = FrozenMapping({})
     offsets: Mapping[str, str] = FrozenMapping({})

@@ -59,6 +59,7 @@ def model(
     name: str | None = None,
     nominal: Mapping[str, float] | None = None,
     resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]] = (),
+    updates: Mapping[str, Mapping[str, Any]] | Iterable[tuple[str, Mapping[str, Any]]] = (),
     check_units: bool = True,
 ) -> Callable[[Callable[..., Any]], SymbolicModel]:
     """Make a model of a function ``(x, u, p) -> f, g`` or ``(x, u, p) -> f, g, domain``.
@@ -92,7 +93,13 @@ def model(
         )
         f, g, domain = _returned(function, spaces, own_name)
         options: dict[str, Any] = dict(
-            constants=constants, domain=domain, name=own_name, nominal=nominal, resets=resets, check_units=False
+            constants=constants,
+            domain=domain,
+            name=own_name,
+            nominal=nominal,
+            resets=resets,
+            updates=updates,
+            check_units=False,
         )
         made = SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, **options)
         if check_flag(check_units, "check_units"):

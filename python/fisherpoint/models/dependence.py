@@ -67,6 +67,10 @@ class Dependence:
                 self._rates[name] = Equation(
                     old.states | by.states | event.states, old.parameters | by.parameters | event.parameters, frozenset()
                 )
+        for x, value in (pair for update in structure.updates for pair in update.values):
+            name, by = states[structure.equations.states.index(x)], read(value)
+            old = self._rates[name]
+            self._rates[name] = Equation(old.states | by.states, old.parameters | by.parameters, frozenset())
         for name, rate in zip(states, structure.rates, strict=True):  # by the instants in which inputs switch
             taus = frozenset(str(tau) for u, tau in structure.equations.delays if u in read.symbols(rate))
             if taus:

@@ -40,6 +40,9 @@ class HiddenCore:
         rates = np.asarray(self.whole.rhs(self.started(x), u, theta))
         return np.ascontiguousarray(rates.reshape(len(rates), self.n_x + len(self.starts))[:, : self.n_x])
 
+    def updated(self, x: Any, u: Any, theta: Any, which: Any) -> Any:
+        return self.whole.updated(self.started(x), u, theta, which)
+
     def output(self, x: Any, u: Any, theta: Any) -> Any:
         return self.whole.output(self.started(x), u, theta)
 

@@ -35,6 +35,7 @@ def leaves_equations(model: SymbolicModel, theta: Array, change: Array, x: Array
     own, hidden = equations.states[: x.shape[1]], equations.states[x.shape[1] :]
     branches = Branches((*equations.states, *equations.inputs, *equations.parameters), by_side=True)
     anew = [one for reset in equations.resets for one in (reset.condition, *(value for _, value in reset.values))]
+    anew += [value for update in equations.updates for _, value in update.values]
     rewritten = [branches.rewrite(expression) for expression in (*equations.rates, *equations.output, *anew)]
     expressions = [branches.merged(one) for one in (*rewritten, *(surface.expression for surface in branches.surfaces))]
     rng = np.random.default_rng(0)

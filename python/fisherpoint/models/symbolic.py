@@ -46,6 +46,7 @@ from .tape.latch import condition_of as condition_in
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
+from .updates import checked_updates, update_of
 
 MOST_MISTAKES = 5
 """Maximum number of mistakes in units that a warning lists."""
@@ -77,6 +78,9 @@ class SymbolicModel(DescribedModel):
     resets : mapping of condition to mapping of state name to value, or sequence of such pairs, optional
         States that get new values where a condition becomes true, as ``{"x < 0": {"v": "-e*v"}}`` of a mass that bounces.
         Conditions and values are texts, expressions or terms; the values are of the states just before.
+    updates : mapping of times to mapping of state name to value, or sequence of such pairs, optional
+        States that get new values at known times, as ``{"every 5 ms": {"i": "i + k*(r - q)"}}`` of a controller, or
+        ``{"each segment": {"depot": "depot + dose"}}`` at the start of each segment of a run.
     check_units : bool
         Whether a warning names places of the equations where units do not fit, as of ``x**2 - k*x`` with x in m and k in 1/s.
 
@@ -100,6 +104,7 @@ class SymbolicModel(DescribedModel):
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
         resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]] = (),
+        updates: Mapping[str, Mapping[str, Any]] | Iterable[tuple[str, Mapping[str, Any]]] = (),
         check_units: bool = True,
     ) -> None:
         given_f, given_g, given_domain = listed_equations(f, "f"), listed_equations(g, "g"), listed_equations(domain, "domain")
@@ -126,15 +131,18 @@ class SymbolicModel(DescribedModel):
         self._given_resets = checked_resets(resets, names_of(self.states))
         moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
         anew = tuple(reset_of(condition, values, symbols, clocks, moving) for condition, values in self._given_resets)
+        self._given_updates = checked_updates(updates, names_of(self.states))
+        timed = tuple(update_of(when, values, symbols, clocks) for when, values in self._given_updates)
         of_resets = [one for reset in anew for one in (reset.condition, *(value for _, value in reset.values))]
-        read = set().union(*map(symbols_of, (*rates, *output, *conditions, *of_resets)))
+        of_updates = [value for update in timed for _, value in update.values]
+        read = set().union(*map(symbols_of, (*rates, *output, *conditions, *of_resets, *of_updates)))
         self.clock = next((clock for clock in clocks.values() if clock in read), None)
         limits_along = limits_of(self.along, symbols, self.offsets, moving)
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         values = {symbols[n]: v for n, v in self.constants.items()}
         self._written = Equations(
-            tuple(rates), tuple(output), tuple(conditions), **of, constants=values, along=limits_along, resets=anew
+            tuple(rates), tuple(output), tuple(conditions), **of, constants=values, along=limits_along, resets=anew, updates=timed
         )
         delays, self.equations = without_delays(
             self._written, [f"equations.{q.name}" for q in self.states] + [*map(self._place_of, self.outputs)]
@@ -155,6 +163,11 @@ class SymbolicModel(DescribedModel):
         self.reset_texts = tuple(
             (text_of(given, condition_in(reset.condition)), {x.name: text_of(values[x.name], value) for x, value in reset.values})
             for (given, values), reset in zip(self._given_resets, anew, strict=True)
+        )
+        self.updates = tuple(update.times for update in timed)
+        self.update_texts = tuple(
+            (update.times.text, {x.name: text_of(values[x.name], value) for x, value in update.values})
+            for (_, values), update in zip(self._given_updates, timed, strict=True)
         )
         self.structure = Structure(followed(self.equations, self.clock))
         self.latches = len(self.structure.equations.latches)
@@ -239,8 +252,10 @@ class SymbolicModel(DescribedModel):
         """
         if self.compiled:
             return self
-        if self.structure.resets:
-            warnings.warn("compile: expected a model without latch() and resets; the model stays interpreted", stacklevel=2)
+        if self.structure.resets or self.updates:
+            warnings.warn(
+                "compile: expected a model without latch(), resets and updates; the model stays interpreted", stacklevel=2
+            )
             return self
         compiled = copy.copy(self)
         compiled.__dict__.pop("core", None)
@@ -323,10 +338,17 @@ class SymbolicModel(DescribedModel):
             )
             for reset in self.equations.resets
         ]
+        updates = [
+            (
+                update.times.text,
+                {x.name: replaced(v, shift) - (symbol(moved[x.name].name) if x.name in moved else 0) for x, v in update.values},
+            )
+            for update in self.equations.updates
+        ]
         nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
         further = {**self.offsets, **dict(zip(names_of(offsets), names, strict=True))}
         return self._changed(
-            equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further, resets=resets
+            equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further, resets=resets, updates=updates
         )
 
     def within(self, *limits: str) -> SymbolicModel:
@@ -372,7 +394,13 @@ class SymbolicModel(DescribedModel):
     def _options(self) -> dict[str, Any]:
         """What makes the same model, beside equations and quantities."""
         given: dict[str, Any] = dict(constants=self._given_constants, domain=self.texts[2], name=self.name, check_units=False)
-        return given | dict(nominal=dict(self.nominal), along=self.along, offsets=dict(self.offsets), resets=self.reset_texts)
+        return given | dict(
+            nominal=dict(self.nominal),
+            along=self.along,
+            offsets=dict(self.offsets),
+            resets=self.reset_texts,
+            updates=self.update_texts,
+        )
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
         return self.states, self.inputs, self.parameters, self.constant_quantities
@@ -396,7 +424,7 @@ class SymbolicModel(DescribedModel):
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
         f, g, domain = self.texts
         limits = [*domain, *(to_text(condition) for _, condition in self.equations.along)]
-        return equations_toml(self, f, g, limits, self.reset_texts)
+        return equations_toml(self, f, g, limits, self.reset_texts, self.update_texts)
 
     @cached_property
     def least(self) -> Mapping[str, float]:
@@ -415,7 +443,7 @@ class SymbolicModel(DescribedModel):
     def _identity(self) -> Hashable:
         equations = self.equations
         described = (self.outputs, tuple(self.constants.items()), frozenset(self.nominal.items()))
-        conditions = equations.conditions, equations.along, equations.resets
+        conditions = equations.conditions, equations.along, equations.resets, equations.updates
         delays = frozenset(self.delays.items())
         return (self.name, delays, equations.rates, equations.output, *conditions, *self._quantities(), *described)
 
@@ -427,7 +455,7 @@ class SymbolicModel(DescribedModel):
 
     def __str__(self) -> str:
         rates, output, _ = self.texts
-        return model_text(self, rates, output, self.reset_texts)
+        return model_text(self, rates, output, self.reset_texts, self.update_texts)
 
     def _repr_latex_(self) -> str:
         return latex(self._written, names_of(self.outputs))

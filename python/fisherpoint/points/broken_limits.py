@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..basics.checks import check_type
 from ..basics.values import Array, IntArray
 from ..models import Model
-from .dead_time import switched_runs
 from .run_trajectories import plain_trajectories
 from .runs import Points, Runs, as_runs
+from .schedule import has_schedule, scheduled_runs
 from .settings import Integration, checked_arguments
 from .status import NoTrajectory, Status
 
@@ -54,16 +54,22 @@ def checked_broken_limits(
     model: Model, runs: Runs, theta: Array, settings: Integration, named: Model | None = None
 ) -> tuple[str | None, ...]:
     """Return what `broken_limits` does, for checked arguments; `named` has the same limits and names them."""
-    if model.delays and runs.points is None:
-        runs = switched_runs(model, runs, theta)[0]
-    done = plain_trajectories(model, runs, theta, settings)
+    found = None
+    if has_schedule(model, runs):
+        runs, found = scheduled_runs(model, runs, theta)
+    done = plain_trajectories(model, runs, theta, settings, found)
     status, rows = done.status, np.flatnonzero(done.status == Status.left_domain)
     n = np.minimum(done.reached[rows], runs.dt.shape[1] - 1)
-    given, since = (done.x[rows, n], runs.u[rows, n], runs.dt[rows, n]), runs.t[rows, n] - runs.dt[rows, n]
+    x, u, since = done.x[rows, n], runs.u[rows, n], runs.t[rows, n] - runs.dt[rows, n]
     limits: list[str | None] = [None] * len(status)
     if len(rows):
         of_rows = np.array(np.broadcast_to(theta, (len(status), theta.shape[-1]))[rows])
-        places, outside = _first_limits(model, *given, since, of_rows, settings)
+        if found and found.updates.size:
+            which = found.updates[rows, n]
+            for one in np.unique(which[which > 0]):
+                here = which == one
+                x[here] = model.core.updated(model.at(x[here], since[here]), u[here], of_rows[here], one)[:, : x.shape[1]]
+        places, outside = _first_limits(model, x, u, runs.dt[rows, n], since, of_rows, settings)
         for row, place, at_start in zip(rows.tolist(), places.tolist(), (outside & (n == 0)).tolist(), strict=True):
             limits[row] = (named or model).limit_text(place) + " at the start" * at_start
     return tuple(limits)

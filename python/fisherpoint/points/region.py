@@ -106,6 +106,8 @@ class ExperimentRegion:
         Points may start on the surfaces that are `crossed`.
         """
         check_type(model, Model, "model")
+        if model.updates:
+            raise ValueError(f"region: expected a RunRegion for a model with updates, given one of points for {model.name}")
         check_names(self.bounds, names_of(model.axes), "region")
         refuse_fixed_on_surface(self.bounds, model, crossed)
 

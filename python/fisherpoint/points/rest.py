@@ -114,6 +114,8 @@ class Rest:
     def check(self, model: Model) -> None:
         """Raise unless the names are those of a model, and all inputs are given or solved for."""
         inputs = names_of(model.inputs)
+        if model.updates:
+            raise ValueError(f"rest: expected a model without updates, which are no rest, given {model.name}: give x0")
         self.conditions(names_of(model.states), inputs, names_of(model.outputs))
         self.held(inputs)
 

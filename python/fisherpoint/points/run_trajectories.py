@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
-from .dead_time import Switched, folded, switched_runs
 from .experiments import Experiments
 from .rest_starts import RunStarts, starts_of
 from .runs import Runs
+from .schedule import Schedule, folded, has_schedule, scheduled_runs
 from .settings import Integration
 from .status import Status, only_finite
 from .trajectories import Sensitivities, Trajectories
@@ -29,6 +29,10 @@ def checked_sensitivities(
     model: Model, points: Experiments, theta: Array, settings: Integration, outputs_alone: bool = False, states_later: bool = False
 ) -> Sensitivities:
     """Sensitivities of points; sooner without dx_dtheta: with `outputs_alone`, and with `states_later` where it is."""
+    if model.updates:
+        done = checked_run_sensitivities(model, Runs.of_points(points), theta, settings, outputs_alone)
+        dx = done.dx_dtheta[:, 0] if done.dx_dtheta.size else done.dx_dtheta
+        return done._replace(x=done.x[:, -1], y=done.y[:, 0], dx_dtheta=dx, dy_dtheta=done.dy_dtheta[:, 0])
     given = (points.x0, points.u, points.dt, theta, *settings)
     x, y, dx, dy, status = model.kernels.sensitivities(model.core, *given, outputs_alone=outputs_alone, states_later=states_later)
     return Sensitivities(x, y, dx, dy, status, _completed(status))
@@ -40,15 +44,17 @@ def _completed(status: IntArray) -> IntArray:
 
 def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Integration) -> Trajectories:
     """Trajectories of runs."""
-    if model.delays and runs.points is None:
-        parts, found = switched_runs(model, runs, theta)
-        return folded(model, runs, theta, found, plain_trajectories(model, parts, theta, settings))
+    if has_schedule(model, runs):
+        parts, found = scheduled_runs(model, runs, theta)
+        return folded(model, runs, theta, found, plain_trajectories(model, parts, theta, settings, found))
     return plain_trajectories(model, runs, theta, settings)
 
 
-def plain_trajectories(model: Model, runs: Runs, theta: Array, settings: Integration) -> Trajectories:
-    """Trajectories of runs whose inputs switch at the ends of segments, whatever dead times the model has."""
-    points, (count, segments) = runs.points, runs.dt.shape
+def plain_trajectories(
+    model: Model, runs: Runs, theta: Array, settings: Integration, found: Schedule | None = None
+) -> Trajectories:
+    """Trajectories of runs whose inputs switch at the ends of segments, whatever dead times the model has; as `found`, if given."""
+    points, (count, segments) = None if found else runs.points, runs.dt.shape
     if points is not None:
         end, y, status, _ = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *settings)
         return Trajectories(np.stack([points.x0, end], axis=1), y[:, None], status, _completed(status))
@@ -57,7 +63,8 @@ def plain_trajectories(model: Model, runs: Runs, theta: Array, settings: Integra
     start = starts_of(model, runs, theta, tangents=False)
     rows, values = _resting(start.status, theta)
     given = start.x0[rows], runs.u[rows], runs.dt[rows], values
-    x, status, reached = _whole(start, rows, segments, *model.kernels.simulate_runs(model.core, *given, *settings))
+    options = found.of_states(rows) if found else {}
+    x, status, reached = _whole(start, rows, segments, *model.kernels.simulate_runs(model.core, *given, *settings, **options))
     y = np.zeros((count, segments, len(model.outputs)))
     k, n = np.nonzero(np.arange(segments) < reached[:, None])
     of_ends = theta[k] if theta.ndim == 2 else np.broadcast_to(theta, (len(k), len(theta)))
@@ -73,8 +80,8 @@ def checked_run_sensitivities(
 
     With `states_later` points are without dx_dtheta where that takes less time, and have the statuses of those that have one.
     """
-    if model.delays and runs.points is None:
-        parts, found = switched_runs(model, runs, theta)
+    if has_schedule(model, runs):
+        parts, found = scheduled_runs(model, runs, theta)
         return folded(model, runs, theta, found, _run_sensitivities(model, parts, theta, settings, outputs_alone, moved=found))
     return _run_sensitivities(model, runs, theta, settings, outputs_alone, states_later)
 
@@ -86,7 +93,7 @@ def _run_sensitivities(
     settings: Integration,
     outputs_alone: bool,
     states_later: bool = False,
-    moved: Switched | None = None,
+    moved: Schedule | None = None,
 ) -> Sensitivities:
     points = None if moved else runs.points
     if points is not None:

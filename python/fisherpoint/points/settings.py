@@ -12,10 +12,10 @@ from ..basics.checks import as_float, check_choice, check_positive_int
 from ..basics.values import Array
 from ..engine.workers import cores
 from ..models import Model
-from .dead_time import switched_runs
 from .experiments import Experiments
 from .rest_starts import checked_starts
 from .runs import Points, as_runs
+from .schedule import scheduled_runs
 
 MAX_THREADS = 4096
 
@@ -83,7 +83,7 @@ def checked_arguments(
         raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
     rtol = check_rtol(rtol)
     crosses = check_kinks(kinks), check_jumps(jumps)
-    starts = switched_runs(model, runs, theta)[0].starts if model.delays and runs.points is None else runs.starts
+    starts = scheduled_runs(model, runs, theta)[0].starts if model.delays and runs.points is None else runs.starts
     if runs.rests is not None and theta.ndim == 1:
         starts = starts.starting(checked_starts(model, runs, theta))
     if runs.rests is None or theta.ndim == 1:  # of other starts the status says it

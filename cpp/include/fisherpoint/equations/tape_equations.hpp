@@ -84,6 +84,16 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
     return after;
   }
 
+  // The states behind the updates that `which` numbers.
+  State update(const State& x, const P& which) const {
+    if (!updates_) updates_.emplace(model_.updates().program, *this, theta_, u_);
+    updates_->run(x);
+    State after = x;
+    int at = 0;
+    for (const auto [k, i] : model_.updates().targets) after[i] = select(has_reset(which, k), updates_->output(at++), after[i]);
+    return after;
+  }
+
   double inverse_scale(int i) const { return model_.inverse_scale(i); }
 
   P squared_size(const State& x) const {
@@ -124,7 +134,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   Input u_;
   Side no_sides_;
   mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
-  mutable std::optional<Machine<P>> slopes_, resets_;
+  mutable std::optional<Machine<P>> slopes_, resets_, updates_;
 };
 
 template <class P>
@@ -152,38 +162,9 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
         jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_) {}
 
   // x and S behind the resets that `which` numbers.
-  void reset(const P& which, State& x, Columns<TapeModel, P>& s) const {
-    const TapeResets& given = model_.resets();
-    if (!resets_) resets_.emplace(given.jacobian, *this, theta_, u_);
-    // What the machine gives may be a state itself, which is about to change.
-    const State at_event = x;
-    resets_->run(at_event);
-    const Columns<TapeModel, P> before = s;
-    const auto entry = [&](auto& of, int i, int j) -> auto& {
-      return of[dependence.column_start[j] + detail::below(dependence.rows(j), i)];
-    };
-    const int targets = static_cast<int>(given.targets.size());
-    for (int t = 0; t < targets; ++t) {
-      const auto [k, i] = given.targets[t];
-      const auto here = has_reset(which, k);
-      x[i] = select(here, resets_->output(t), x[i]);
-      for (int j = 0; j < parameters; ++j) {
-        if (!dependence.depends(i, j)) continue;
-        P sum(0.0);
-        int at = targets;
-        for (const auto [row, variable] : given.entries) {
-          const P& slope = resets_->output(at++);
-          if (row != t) continue;
-          if (variable >= states)
-            sum += variable - states == j ? slope : P(0.0);
-          else if (dependence.depends(variable, j))
-            sum += slope * entry(before, variable, j);
-        }
-        P& column = entry(s, i, j);
-        column = select(here, sum, column);
-      }
-    }
-  }
+  void reset(const P& which, State& x, Columns<TapeModel, P>& s) const { set_anew(resets_, model_.resets(), which, x, s); }
+  // The same behind updates.
+  void update(const P& which, State& x, Columns<TapeModel, P>& s) const { set_anew(updates_, model_.updates(), which, x, s); }
 
   const Dependence<TapeModel>& dependence;
 
@@ -242,11 +223,44 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   }
 
  private:
+  void set_anew(std::optional<Machine<P>>& machine, const auto& given, const P& which, State& x,
+                Columns<TapeModel, P>& s) const {
+    if (!machine) machine.emplace(given.jacobian, *this, theta_, u_);
+    // What the machine gives may be a state itself, which is about to change.
+    const State at_event = x;
+    machine->run(at_event);
+    const Columns<TapeModel, P> before = s;
+    const auto entry = [&](auto& of, int i, int j) -> auto& {
+      return of[dependence.column_start[j] + detail::below(dependence.rows(j), i)];
+    };
+    const int targets = static_cast<int>(given.targets.size());
+    for (int t = 0; t < targets; ++t) {
+      const auto [k, i] = given.targets[t];
+      const auto here = has_reset(which, k);
+      x[i] = select(here, machine->output(t), x[i]);
+      for (int j = 0; j < parameters; ++j) {
+        if (!dependence.depends(i, j)) continue;
+        P sum(0.0);
+        int at = targets;
+        for (const auto [row, variable] : given.entries) {
+          const P& slope = machine->output(at++);
+          if (row != t) continue;
+          if (variable >= states)
+            sum += variable - states == j ? slope : P(0.0);
+          else if (dependence.depends(variable, j))
+            sum += slope * entry(before, variable, j);
+        }
+        P& column = entry(s, i, j);
+        column = select(here, sum, column);
+      }
+    }
+  }
+
   const TapeModel& model_;
   Theta theta_;
   Input u_;
   mutable Machine<P> rates_, output_, jumps_;
-  mutable std::optional<Machine<P>> resets_;
+  mutable std::optional<Machine<P>> resets_, updates_;
 };
 
 }  // namespace fisherpoint

@@ -1,6 +1,6 @@
-// The solution within a step of DOP853: the continuous extension of order seven of E. Hairer, S. P. Norsett, G. Wanner, "Solving
-// ordinary differential equations I", 2nd ed., section II.6 (the authors' code DOP853), which takes the rate at the step's end
-// and three more stages. With s = t/step
+// The solution within a step of DOP853: the continuous extension of order seven of E. Hairer, S. P. Norsett, G. Wanner,
+// "Solving ordinary differential equations I", 2nd ed., section II.6 (the authors' code DOP853), which takes the rate at the
+// step's end and three more stages. With s = t/step
 //
 //     x(t) = x0 + s (c0 + (1-s) (c1 + s (c2 + (1-s) (c3 + s (c4 + (1-s) (c5 + s c6))))))
 #pragma once
@@ -15,8 +15,8 @@ struct DenseOutput {
   static constexpr int first = DormandPrince853::in_error;  // stages that there are
   static constexpr int more = 4, stages = first + more;
   static constexpr int coefficients = 7;
-  // Of squared errors of steps that are sampled: in such steps, three quarters as long, the polynomial is as good as the end is in
-  // others.
+  // Of squared errors of steps that are sampled: in such steps, three quarters as long, the polynomial is as good as the end is
+  // in others.
   static constexpr double weight = 400.0;
 
   // Of stages first + 1 to stages - 1; that at the step's end has the weights of the solution.

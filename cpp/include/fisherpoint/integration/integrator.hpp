@@ -327,7 +327,7 @@ class Integrator {
   Tolerance tolerance_;
   double weight_;
   P weight_of_lanes_;  // larger where steps are sampled
-  double landing_;  // how near to a kink a step must end to be moved onto it, as a share of the step
+  double landing_;     // how near to a kink a step must end to be moved onto it, as a share of the step
   Outcome<P> outcome_;
   Steps<Equation>* steps_ = nullptr;
   Samples<P>* samples_ = nullptr;

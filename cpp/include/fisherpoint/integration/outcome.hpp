@@ -27,9 +27,9 @@ using Steps = ShelfVector<Step<Equation>>;
 // Instants on the way, from the start, increasing and before the end, at which the states of a lane are noted.
 struct SamplesOfLane {
   std::span<const double> at;
-  double* x = nullptr;    // (count, n_x)
+  double* x = nullptr;  // (count, n_x)
   std::size_t done = 0;
-  bool missed = false;    // an implicit step, of which only the end is known
+  bool missed = false;  // an implicit step, of which only the end is known
 };
 template <class P>
 struct Samples {

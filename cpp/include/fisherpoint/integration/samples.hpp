@@ -45,9 +45,8 @@ void Integrator<Equation, Method>::sample(const Mask& taken, const P& tried, con
         DenseOutput::fit_polynomial(change, stage(i), [&](int n, const P& value) { polynomial[i][n] = value; });
       });
     }
-    for_each_index(f_.states, [&](auto i) {
-      at[i] = y[i] + DenseOutput::change_until(share, [&](int n) { return polynomial[i][n]; });
-    });
+    for_each_index(f_.states,
+                   [&](auto i) { at[i] = y[i] + DenseOutput::change_until(share, [&](int n) { return polynomial[i][n]; }); });
     for (int lane = 0; lane < Lanes::width; ++lane) {
       SamplesOfLane& of = samples_->lanes[lane];
       if (due(lane, of)) get_lane(at, lane, of.x + of.done++ * at.size());

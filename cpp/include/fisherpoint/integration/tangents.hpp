@@ -104,8 +104,8 @@ class Tangents {
     return largest_relative_error(squared_error_, squared_error, squared_column_size_);
   }
 
-  // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink. With `dense`, a method's that has it, x and
-  // S are known within the step.
+  // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink. With `dense`, a method's that has it, x
+  // and S are known within the step.
   FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none(), bool dense = false) {
     beside_ = beside;
     dense_ = dense;

@@ -22,6 +22,7 @@ struct Carried {
   unsigned char* stiff;           // (count,), whether it is implicit, and is so next
   const unsigned char* measured;  // (count,), whether the derivative at the end is asked for
   SegmentEnd* const* ends;        // (count,), of models with jumps
+  const double* came;             // (count, n_x), the states before updates at the start
   MovedStarts moved = {};
   const PieceSamples* samples = nullptr;  // of pieces of several segments
 };

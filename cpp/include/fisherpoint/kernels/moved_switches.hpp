@@ -48,8 +48,8 @@ struct MovedStarts {
 // the jumps that they slide on into slid + k * each.
 template <class P, class Method, class M>
 void rates_at_starts(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
-                     std::span<const std::size_t> rows, SegmentEnd* const* ends, double* rate, Variables* slid,
-                     std::size_t each) {
+                     std::span<const std::size_t> rows, SegmentEnd* const* ends, const double* came, double* rate,
+                     Variables* slid, std::size_t each) {
   using Equation = StateEquation<M, P>;
   const auto shape = shape_of(model);
   const PointPack<M, P> pack(shape, points, parameters, rows);
@@ -61,7 +61,7 @@ void rates_at_starts(const M& model, const Points& points, const Parameters& par
   from.fill(P(unknown_side));
   met.fill(P(0.0));
   if (goes_on_from_ends(shape)) {
-    from = sides_of_ends<M, P>(model, equation, pack.theta, pack.x0, pack.u, pack.used,
+    from = sides_of_ends<M, P>(model, equation, pack.theta, pack.states_of(rows, came), pack.x0, pack.u, pack.used,
                                [&](int lane) -> const SegmentEnd& { return *ends[rows[lane]]; });
     hold_conditions<P>(integrator.held(), pack.used, [&](int lane) { return ends[rows[lane]]; });
   }

@@ -15,12 +15,12 @@ namespace fisherpoint {
 
 // Of pieces as points.
 struct PieceSamples {
-  const std::vector<double>* at;    // (count,), when a piece's segments end
+  const std::vector<double>* at;       // (count,), when a piece's segments end
   const std::size_t *state, *segment;  // (count,), number of the piece's start among the states below, and of its first segment
-  const unsigned char* measured;    // of every segment, whether a derivative must exist
-  double *x, *y;                    // of every state and segment
-  double *dx_dtheta, *dy_dtheta;    // dx_dtheta may be none
-  unsigned char* missed;            // (count,)
+  const unsigned char* measured;       // of every segment, whether a derivative must exist
+  double *x, *y;                       // of every state and segment
+  double *dx_dtheta, *dy_dtheta;       // dx_dtheta may be none
+  unsigned char* missed;               // (count,)
 
   std::size_t inside(std::size_t piece) const { return at[piece].size() - 1; }
 };
@@ -73,7 +73,8 @@ class SamplesOnTheWay {
           lanes_of<P>::set(share, lane, (next_at(lane) - lanes_of<P>::get(time_, lane)) / lanes_of<P>::get(size, lane));
       tangents.within(share, x_, s_);
       equation_.output(x_, s_, y_, dy_);
-      const auto known = finite<P>(x_) & finite<P>(s_), has_outputs = finite<P>(y_) & finite<P>(dy_) & !outside_of_output<P>(states_, x_);
+      const auto known = finite<P>(x_) & finite<P>(s_),
+                 has_outputs = finite<P>(y_) & finite<P>(dy_) & !outside_of_output<P>(states_, x_);
       for (std::size_t lane = 0; lane < rows_.size(); ++lane)
         if (due(lane, size)) put(lane, lanes_of<P>::get(known, lane), lanes_of<P>::get(has_outputs, lane));
     }
@@ -90,8 +91,7 @@ class SamplesOnTheWay {
   double next_at(std::size_t lane) const { return samples_.at[rows_[lane]][done_[lane]]; }
   bool due(std::size_t lane, const P& size) const {
     const double step = lanes_of<P>::get(size, lane);
-    return step > 0.0 && done_[lane] < samples_.inside(rows_[lane]) &&
-           next_at(lane) <= lanes_of<P>::get(time_, lane) + step;
+    return step > 0.0 && done_[lane] < samples_.inside(rows_[lane]) && next_at(lane) <= lanes_of<P>::get(time_, lane) + step;
   }
 
   void put(std::size_t lane, bool known, bool has_outputs) {

@@ -51,6 +51,13 @@ struct PointPack {
       lanes_of<P>::set(dt, lane, lane < used ? points.dt[k] : 0.0);
     }
   }
+
+  // Of other states (count, n_x).
+  auto states_of(std::span<const std::size_t> rows, const double* of) const {
+    auto x = x0;
+    for (int lane = 0; lane < width; ++lane) set_lane(x, lane, of + rows[std::min(lane, used - 1)] * x0.size());
+    return x;
+  }
 };
 
 // Where what must be positive for the output to have a value is not.

@@ -59,23 +59,19 @@ class RunTeam {
     const Parameters of_pieces{theta_.data(), true};
     const MovedStarts moved{start.moved.each, moved_by_.data(), rate_.data(), slid_.data()};
     const bool dense = DenseOutput::exists(method_of<Method>(tolerance));
-    const PieceSamples samples{at_.data(),
-                               state_.data(),
-                               first_segment_.data(),
-                               start.measured,
-                               out.x,
-                               out.y,
-                               out.dx_dtheta,
-                               out.dy_dtheta,
-                               missed_.data()};
-    const Carried carried{s_.data(), step_.data(), stiff_.data(), measured_.data(), ends_.data(), moved, &samples};
+    const PieceSamples samples{at_.data(), state_.data(), first_segment_.data(), start.measured, out.x,
+                               out.y,      out.dx_dtheta, out.dy_dtheta,         missed_.data()};
+    const Carried carried{s_.data(),    step_.data(), stiff_.data(), measured_.data(),
+                          ends_.data(), came_.data(), moved,         &samples};
     const SensitiveTrajectories reached{x_.data(), y_.data(), s_after_.data(), dy_.data(), status_.data()};
     const auto leave = std::chrono::steady_clock::now() + stay;
     while (!done() && std::chrono::steady_clock::now() < leave) {
       const std::size_t beginning = waiting_.empty() ? starting_.size() : starting_.size() / width * width;
-      const std::vector<std::size_t> begun(starting_.begin(), starting_.begin() + beginning);
+      std::vector<std::size_t> begun(starting_.begin(), starting_.begin() + beginning);
       starting_.erase(starting_.begin(), starting_.begin() + beginning);
       for (const std::size_t i : begun) begin_piece(shape, runs, start, i, dense, out);
+      if (runs.updates) update<P>(model, points, of_pieces, begun, runs);
+      std::erase_if(begun, [&](auto i) { return status_[i] != Status::ok && (waiting_.push_back(i), true); });
       if (moved.each > 0) come_to_switches<P, Method>(model, points, of_pieces, tolerance, begun, start.moved, runs.segments);
       in_packs(Workers(1), begun, width,
                [&](auto rows) { find_paths<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached); });
@@ -97,6 +93,7 @@ class RunTeam {
     const std::size_t count = starting_.size(), n = runs.segments, n_x = shape.states, n_y = shape.outputs,
                       p = shape.parameters;
     for (const auto& [numbers, each] : {std::pair{&x0_, n_x},
+                                        {&came_, n_x},
                                         {&x_, n_x},
                                         {&y_, n_y},
                                         {&u_, std::size_t(shape.inputs)},
@@ -159,12 +156,65 @@ class RunTeam {
     missed_[i] = false;
     first_segment_[i] = k * n + segment_[i];
     state_[i] = first_segment_[i] + k;
-    if (at_[i].size() > 1) begun_[i] = {step_[i], goes_on_from_ends(shape) ? end_[i] : SegmentEnd{}};
+    if (at_[i].size() > 1) {
+      const std::size_t entries = n_x * shape.parameters;
+      begun_[i] = {step_[i], goes_on_from_ends(shape) ? end_[i] : SegmentEnd{}, {}};
+      if (runs.updates_of(k, segment_[i])) begun_[i].s.assign(s_.begin() + i * entries, s_.begin() + (i + 1) * entries);
+    }
     std::copy_n(out.x + (k * (n + 1) + segment_[i]) * n_x, n_x, x0_.data() + i * n_x);
+    std::copy_n(x0_.data() + i * n_x, n_x, came_.data() + i * n_x);
     std::copy_n(runs.u_of(k, segment_[i], shape.inputs), n_u, u_.data() + i * n_u);
     dt_[i] = at_[i].back();
     measured_[i] = start.measured[first_segment_[i] + at_[i].size() - 1];
     waited_[i] = 0;
+  }
+
+  // x and S behind updates at the starts of pieces.
+  template <class P>
+  void update(const M& model, const Points& points, const Parameters& of_pieces, std::span<const std::size_t> begun,
+              const Runs& runs) {
+    if constexpr (has_resets<StateEquation<M, P>>) {
+      const auto shape = shape_of(model);
+      const std::size_t n_x = shape.states, p = shape.parameters;
+      std::vector<std::size_t> updated;
+      for (const std::size_t i : begun)
+        if (runs.updates_of(first_ + i, segment_[i])) {
+          updated.push_back(i);
+          if (end_[i].doubtful) begin_in_doubt(shape, i);
+        }
+      in_packs(Workers(1), updated, lanes_of<P>::width, [&](auto rows) {
+        const PointPack<M, P> pack(shape, points, of_pieces, rows);
+        const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+        const auto& dependence = equation.dependence;
+        auto x = pack.x0;
+        P which(0.0);
+        Columns<M, P> s(dependence.in_columns);
+        const auto for_each_entry = [&](auto&& use) {
+          for (int lane = 0; lane < pack.used; ++lane)
+            for (std::size_t j = 0; j < p; ++j)
+              for (std::size_t i = 0; i < n_x; ++i)
+                if (dependence.depends(i, j))
+                  use(lane, s[dependence.column_start[j] + detail::below(dependence.rows(j), i)],
+                      s_[(rows[lane] * n_x + i) * p + j]);
+        };
+        for (P& entry : s) entry = P(0.0);
+        for_each_entry([](int lane, P& entry, double& of_run) { lanes_of<P>::set(entry, lane, of_run); });
+        for (int lane = 0; lane < pack.used; ++lane)
+          lanes_of<P>::set(which, lane, runs.updates_of(first_ + rows[lane], segment_[rows[lane]]));
+        equation.update(which, x, s);
+        for_each_entry([](int lane, P& entry, double& of_run) { of_run = lanes_of<P>::get(entry, lane); });
+        for (int lane = 0; lane < pack.used; ++lane) get_lane(x, lane, x0_.data() + rows[lane] * n_x);
+      });
+    }
+  }
+
+  // An update in the instant in which a jump is met: S behind it may hang on which comes first.
+  void begin_in_doubt(const Shape<M>& shape, std::size_t i) {
+    const std::size_t n_x = shape.states, n_y = shape.outputs;
+    status_[i] = Status::on_jump;
+    paths_[i] = PointPath<M>();
+    std::copy_n(came_.data() + i * n_x, n_x, x_.data() + i * n_x);
+    std::fill_n(y_.data() + i * n_y, n_y, 0.0);
   }
 
   // Into rate_: f at the starts of pieces, before switches there that parameters move.
@@ -184,7 +234,7 @@ class RunTeam {
       }
       const Points under{points.count, points.x0, before.data(), points.dt};
       in_packs(Workers(1), switching, lanes_of<P>::width, [&](auto rows) {
-        rates_at_starts<P, Method>(model, under, of_pieces, tolerance, rows, ends_.data(), rate_.data() + e * n_x,
+        rates_at_starts<P, Method>(model, under, of_pieces, tolerance, rows, ends_.data(), came_.data(), rate_.data() + e * n_x,
                                    slid_.data() + e, moved.each);
       });
     }
@@ -231,6 +281,7 @@ class RunTeam {
     step_[i] = begun_[i].step;
     stiff_[i] = false;
     end_[i] = begun_[i].end;
+    std::copy(begun_[i].s.begin(), begun_[i].s.end(), s_.begin() + i * n_x * p);
     one_by_one_[i] = segment_[i] + inside + 1;
     starting_.push_back(i);
   }
@@ -272,13 +323,14 @@ class RunTeam {
   struct Begun {
     double step;
     SegmentEnd end;
+    std::vector<double> s;  // where updates change it
   };
   std::vector<std::size_t> first_segment_, state_, one_by_one_;
   std::vector<std::vector<double>> at_;
   std::vector<unsigned char> missed_;
   std::vector<Begun> begun_;
   std::vector<int> waited_;
-  std::vector<double> x0_, u_, theta_, dt_, s_, step_;
+  std::vector<double> x0_, came_, u_, theta_, dt_, s_, step_;
   std::vector<unsigned char> stiff_, measured_;
   std::vector<std::int32_t> moved_by_;
   std::vector<double> rate_;

@@ -28,24 +28,31 @@ struct Runs {
   std::size_t count, segments;
   const double *x0, *u, *dt;  // (count, n_x); (count, segments, n_u) and (count, segments), or of one that all share
   bool shared;
+  const std::int32_t* updates = nullptr;  // as dt: which of the model's come at the starts of segments, as bits; or none
 
   const double* u_of(std::size_t run, std::size_t segment, int n_u) const {
     return u + ((shared ? 0 : run) * segments + segment) * n_u;
   }
   // 0 behind the last segment of a run that has fewer.
   double dt_of(std::size_t run, std::size_t segment) const { return dt[(shared ? 0 : run) * segments + segment]; }
+  std::int32_t updates_of(std::size_t run, std::size_t segment) const {
+    return updates ? updates[(shared ? 0 : run) * segments + segment] : 0;
+  }
 };
 
 // So many segments are one piece at most: all of it is done again where its samples have to be ends of steps.
 inline constexpr std::size_t longest_piece = 64;
 
-// Segments of a run from `first` on that have its input, until `separate(segment)` or the last one; into `at` when they end.
-inline void find_piece(const Runs& runs, std::size_t run, std::size_t first, int n_u, auto&& separate, std::vector<double>& at) {
+// Segments of a run from `first` on that have its input, until an update, `separate(segment)` or the last one; into `at` when
+// they end.
+inline void find_piece(const Runs& runs, std::size_t run, std::size_t first, int n_u, auto&& separate,
+                       std::vector<double>& at) {
   const double* const u = runs.u_of(run, first, n_u);
   at.assign(1, runs.dt_of(run, first));
   for (std::size_t next = first + 1; next < runs.segments && at.size() < longest_piece; ++next) {
     const double* const other = runs.u_of(run, next, n_u);
-    if (!(runs.dt_of(run, next) > 0.0) || !std::equal(u, u + n_u, other) || separate(next)) return;
+    if (!(runs.dt_of(run, next) > 0.0) || !std::equal(u, u + n_u, other) || runs.updates_of(run, next) || separate(next))
+      return;
     at.push_back(at.back() + runs.dt_of(run, next));
   }
 }
@@ -102,11 +109,12 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
   std::array<std::vector<double>, width> at;  // when the segments of a lane's piece end
   Samples<P> samples;
   std::vector<SegmentEnd> before;
+  auto came = x;  // what the last pieces left, before updates
 
   const auto leave = std::chrono::steady_clock::now() + stay;
   while (!progress.ended && std::chrono::steady_clock::now() < leave) {
-    P duration(0.0);
-    bool several = false;
+    P duration(0.0), updates(0.0);
+    bool several = false, updated = false;
     for (int lane = 0; lane < width; ++lane) {
       const int source = std::min(lane, used - 1);
       const std::size_t segment = std::min(progress.segment[source], runs.segments - 1);
@@ -118,12 +126,16 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
       lanes_of<P>::set(duration, lane, at[lane].back());
       samples.lanes[lane] = {std::span(at[lane]).first(at[lane].size() - 1), state(lane, segment + 1)};
       several = several || at[lane].size() > 1;
+      if (const auto which = runs.updates_of(rows[lane], segment)) lanes_of<P>::set(updates, lane, which), updated = true;
     }
     const Equation equation(model, theta, u);
+    came = x;
+    if constexpr (has_resets<Equation>)
+      if (updated) x = equation.update(x, updates);
     Integrator<Equation, Method> integrator(equation, tolerance);
     typename Equation::Side from;
     if (goes_on)
-      from = sides_of_ends<M, P>(model, equation, theta, x, u, used,
+      from = sides_of_ends<M, P>(model, equation, theta, came, x, u, used,
                                  [&](int lane) -> const SegmentEnd& { return progress.ends[lane]; });
     const auto end_of = [&](int lane) { return &progress.ends[lane]; };
     if (shape.resets > 0) hold_conditions<P>(integrator.held(), used, end_of);
@@ -136,7 +148,8 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
       if (!lasts(lane)) continue;
       std::size_t& segment = progress.segment[lane];
       const std::size_t inside = at[lane].size() - 1;
-      if (inside > 0 && (outcome.status[lane] != Status::ok || samples.lanes[lane].missed || samples.lanes[lane].done < inside)) {
+      if (inside > 0 &&
+          (outcome.status[lane] != Status::ok || samples.lanes[lane].missed || samples.lanes[lane].done < inside)) {
         progress.one_by_one[lane] = segment + inside + 1;
         set_lane(x, lane, state(lane, segment));
         if (goes_on) progress.ends[lane] = before[lane];
@@ -154,8 +167,7 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
     }
   }
   for (int lane = 0; progress.ended && lane < used; ++lane)
-    for (std::size_t ahead = progress.segment[lane] + 1; ahead <= runs.segments; ++ahead)
-      get_lane(x, lane, state(lane, ahead));
+    for (std::size_t ahead = progress.segment[lane] + 1; ahead <= runs.segments; ++ahead) get_lane(x, lane, state(lane, ahead));
 }
 
 template <class P, class Method, class M>

@@ -54,11 +54,12 @@ void note_conditions(const auto& held, int used, auto&& end_of) {
   }
 }
 
-// The sides from which lanes come: those where they ended, but of a surface that a change of the input has moved.
+// The sides from which lanes come: those where they ended, but of a surface that a change of the input has moved, or an update
+// of the states from `came` to x.
 template <class M, class P, class Equation>
 typename Equation::Side sides_of_ends(const M& model, const Equation& equation, const typename Equation::Theta& theta,
-                                      const typename Equation::State& x, const typename Equation::Input& u, int used,
-                                      auto&& end_of) {
+                                      const typename Equation::State& came, const typename Equation::State& x,
+                                      const typename Equation::Input& u, int used, auto&& end_of) {
   const auto shape = shape_of(model);
   typename Equation::Side from;
   fit(from, shape.sides);
@@ -71,9 +72,10 @@ typename Equation::Side sides_of_ends(const M& model, const Equation& equation, 
     for (int m = 0; m < shape.jumps_end; ++m) lanes_of<P>::set(from[m], lane, end.side[m]);
     set_lane(before, lane, end.u.data());
     for (int i = 0; i < shape.inputs; ++i) changed = changed || end.u[i] != lanes_of<P>::get(u[i], lane);
+    for (int i = 0; i < shape.states; ++i) changed = changed || lanes_of<P>::get(came[i], lane) != lanes_of<P>::get(x[i], lane);
   }
   if (!changed) return from;
-  const auto now = equation.surface_values(x), then = Equation(model, theta, before).surface_values(x);
+  const auto now = equation.surface_values(x), then = Equation(model, theta, before).surface_values(came);
   for_each_index(Count<0>{}, shape.jumps_end,
                  [&](auto m) { from[m] = select((now[m] < then[m]) | (now[m] > then[m]), P(unknown_side), from[m]); });
   return from;

@@ -60,7 +60,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   typename Equation::Side from;
   const bool goes_on = goes_on_from_ends(shape) && carried;
   if (goes_on) {
-    from = sides_of_ends<M, P>(model, equation, pack.theta, pack.x0, pack.u, pack.used,
+    from = sides_of_ends<M, P>(model, equation, pack.theta, pack.states_of(rows, carried->came), pack.x0, pack.u, pack.used,
                                [&](int lane) -> const SegmentEnd& { return *carried->ends[rows[lane]]; });
   } else if (shape.jumps_end > 0) {
     fit(from, shape.sides);

@@ -32,7 +32,7 @@ struct Shape {
       requires(const M model, const std::array<double, S::states> x, const std::array<double, S::inputs> u,
                const std::array<double, S::parameters> theta,
                const std::array<double, S::sides> side) { model.limits(x, u, theta, side); };
-  static constexpr Count<0> resets{};
+  static constexpr Count<0> resets{}, updates{};
   static constexpr bool unrolled = true;  // its loops over stages
 };
 

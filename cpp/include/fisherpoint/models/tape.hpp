@@ -76,6 +76,7 @@ struct Shape<TapeModel> {
   bool sided_limits = false;  // limits read sides: they stand in branches
   int measured = 0;           // limits behind the surfaces, which hold where g is measured
   int resets = 0;
+  int updates = 0;
   int holds_end = 0;  // of jumps and kinks that may hold trajectories, which come first; of a model it is made from `Varying`
   static constexpr int values = -1;        // surfaces and what is measured, of a number that is not known here
   static constexpr bool unrolled = false;  // packs are so wide that unrolled loops would only overflow the instruction cache
@@ -180,12 +181,20 @@ struct TapeResets {
   std::vector<bool> by_level;  // of every reset, whether it counts at a start too where its condition holds
 };
 
+// What sets states anew at known times, at the starts of segments of runs (kernels/runs.hpp).
+struct TapeUpdates {
+  Program program;             // the values of the targets
+  Program jacobian;            // these, then their derivatives at the entries
+  std::vector<Entry> targets;  // (update, state)
+  std::vector<Entry> entries;  // (target, variable)
+};
+
 class TapeModel {
  public:
   // Throws std::invalid_argument where a list does not fit the shape.
   TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> state_entries,
             std::vector<Entry> rate_entries, std::vector<Entry> output_entries, std::vector<Entry> jump_entries,
-            Varying varying, TapeResets resets = {});
+            Varying varying, TapeResets resets = {}, TapeUpdates updates = {});
 
   const Shape<TapeModel>& shape() const { return shape_; }
   const Dependence<TapeModel>& dependence() const { return dependence_; }
@@ -194,6 +203,7 @@ class TapeModel {
   const std::vector<Entry>& output_entries() const { return output_entries_; }
   const std::vector<Entry>& jump_entries() const { return jump_entries_; }
   const TapeResets& resets() const { return resets_; }
+  const TapeUpdates& updates() const { return updates_; }
   double inverse_scale(int i) const { return inverse_scales_[i]; }
   int gradients_end() const { return static_cast<int>(programs_.jump_jacobian.outputs.size() - jump_entries_.size()); }
 
@@ -203,6 +213,7 @@ class TapeModel {
   TapePrograms programs_;
   std::vector<Entry> state_entries_, output_entries_, jump_entries_;
   TapeResets resets_;
+  TapeUpdates updates_;
   Dependence<TapeModel> dependence_;
 };
 
@@ -259,7 +270,7 @@ inline void check(const Program& program, const Shape<TapeModel>& shape, std::si
 inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs,
                             std::vector<Entry> state_entries, std::vector<Entry> rate_entries,
                             std::vector<Entry> output_entries, std::vector<Entry> jump_entries, Varying varying,
-                            TapeResets resets)
+                            TapeResets resets, TapeUpdates updates)
     : shape_([&] {
         Shape<TapeModel> whole = shape;
         const auto& steep = varying.steep;
@@ -273,10 +284,11 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
       output_entries_(std::move(output_entries)),
       jump_entries_(std::move(jump_entries)),
       resets_(std::move(resets)),
+      updates_(std::move(updates)),
       dependence_([&] {
         using detail::expect;
-        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured, n_resets, n_holds] =
-            shape_;
+        const auto [n_x, n_u, n_y, p, jumps_end, kinks_end, sides, surfaces, sided_limits, measured, n_resets, n_updates,
+                    n_holds] = shape_;
         expect(sided_limits || !detail::reads_sides(programs_.surfaces, shape),
                "surfaces: expected sides to be read as the shape says");
         expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
@@ -323,17 +335,20 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         detail::check(programs_.output_jacobian, shape, n_y + output_entries_.size(), "output_jacobian");
         detail::check(programs_.jump_jacobian, shape, n_holds + jump_entries_.size(), "jump_jacobian");
         expect(0 <= n_resets && n_resets <= most_resets, "resets: expected at most 32, given more");
-        for (const auto [k, i] : resets_.targets)
-          expect(k >= 0 && k < n_resets && i >= 0 && i < n_x, "reset_targets: expected pairs of a reset and a state");
+        expect(0 <= n_updates && n_updates <= most_resets, "updates: expected at most 32, given more");
+        const auto check_targets = [&](const auto& of, int count, const std::string& name) {
+          for (const auto [k, i] : of.targets)
+            expect(k >= 0 && k < count && i >= 0 && i < n_x, name + "_targets: expected pairs of one of them and a state");
+          for (const auto [t, k] : of.entries)
+            expect(t >= 0 && t < static_cast<int>(of.targets.size()) && k >= 0 && k < n_x + p,
+                   name + "_entries: expected entries of the Jacobian");
+          if (count > 0) detail::check(of.jacobian, shape, of.targets.size() + of.entries.size(), name + "_jacobian");
+        };
+        check_targets(resets_, n_resets, "reset");
+        check_targets(updates_, n_updates, "update");
+        if (n_updates > 0) detail::check(updates_.program, shape, updates_.targets.size(), "updates");
         expect(static_cast<int>(resets_.by_level.size()) == n_resets, "reset_levels: expected one for every reset");
-        const std::size_t targets = resets_.targets.size();
-        for (const auto [t, k] : resets_.entries)
-          expect(t >= 0 && t < static_cast<int>(targets) && k >= 0 && k < n_x + p,
-                 "reset_entries: expected entries of the Jacobian");
-        if (n_resets > 0) {
-          detail::check(resets_.program, shape, n_resets + targets, "resets");
-          detail::check(resets_.jacobian, shape, targets + resets_.entries.size(), "reset_jacobian");
-        }
+        if (n_resets > 0) detail::check(resets_.program, shape, n_resets + resets_.targets.size(), "resets");
         return Dependence<TapeModel>(shape, rate_entries, std::move(varying));
       }()) {
   for (double& scale : inverse_scales_) scale = 1.0 / scale;

@@ -15,6 +15,7 @@ from ..tape.defined import Defined, value_of
 from ..tape.parts import parts, reads, symbols_of
 from ..tape.programs import Programs, Surfaces, build_programs
 from ..tape.reset import Reset
+from ..tape.update import Update
 from .branches import Branches, Surface
 from .domain import Domain, Limit
 from .evaluate import evaluate
@@ -39,6 +40,7 @@ class Equations:
     resets: tuple[Reset, ...] = ()
     latches: tuple[tuple[Any, int], ...] = ()
     """States, among the others, that are what latches remember, with their values at first."""
+    updates: tuple[Update, ...] = ()
     delays: tuple[tuple[Any, Any], ...] = ()
     """Inputs whose dead times are parameters, and these."""
 
@@ -87,6 +89,10 @@ class Structure:
                 values=tuple((state, value_of(powers.rewrite(by_value.rewrite(value)))) for state, value in reset.values),
             )
             for reset, condition in zip(equations.resets, conditions_of_resets, strict=True)
+        ]
+        self.updates = [
+            replace(one, values=tuple((state, value_of(powers.rewrite(by_value.rewrite(value)))) for state, value in one.values))
+            for one in equations.updates
         ]
         whole_output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
         self.output = [value_of(expression) for expression in whole_output]
@@ -156,7 +162,7 @@ class Structure:
         )
         of = equations.states, equations.inputs, equations.parameters
         more = equations.constants, self.resets, equations.delays
-        return build_programs(self.rates, self.output, surfaces, *of, *more)
+        return build_programs(self.rates, self.output, surfaces, *of, *more, updates=self.updates)
 
 
 def steep_ones(surfaces: Sequence[Surface], rates: Sequence[Any]) -> list[bool]:

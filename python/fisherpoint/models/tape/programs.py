@@ -14,12 +14,16 @@ from .graph import Graph, Leaves
 from .program import Program
 from .reset import Reset
 from .schedule import schedule
+from .update import Update
 
 LIMIT = 64
 """The most states, parameters and surfaces that the core takes."""
 
 MOST_RESETS = 32
 """The most resets that the core takes."""
+
+MOST_UPDATES = 30
+"""The most updates that the core takes."""
 
 Entries = tuple[tuple[int, int], ...]
 
@@ -71,6 +75,12 @@ class Programs:
         (reset, state) of each target, and (target, variable) of each derivative.
     reset_levels : tuple of bool
         Whether each reset counts at a start too where its condition holds.
+    update_count : int
+        How many updates set states anew at known times.
+    updates, update_jacobian : Program
+        The values of their targets; these values and their derivatives.
+    update_targets, update_entries : tuple of (int, int)
+        (update, state) of each target, and (target, variable) of each derivative.
     """
 
     rates: Program
@@ -101,6 +111,11 @@ class Programs:
     reset_targets: Entries
     reset_entries: Entries
     reset_levels: tuple[bool, ...]
+    update_count: int
+    updates: Program
+    update_jacobian: Program
+    update_targets: Entries
+    update_entries: Entries
 
 
 @dataclass(frozen=True)
@@ -148,6 +163,7 @@ def build_programs(
     constants: Mapping[Any, float] | None = None,
     resets: Sequence[Reset] = (),
     delays: Sequence[tuple[Any, Any]] = (),
+    updates: Sequence[Update] = (),
 ) -> Programs:
     """Programs of x' = f(x, u, theta), y = g(x, u, theta).
 
@@ -164,6 +180,8 @@ def build_programs(
         start too.
     delays : sequence of (sympy.Symbol, sympy.Symbol)
         Inputs that switch in instants which are parameters, and these: the states depend on them.
+    updates : sequence of Update
+        States that are set anew at known times.
 
     Raises
     ------
@@ -186,6 +204,7 @@ def build_programs(
             raise ValueError(f"output: expected no side of a surface, given {output[i]}")
 
     anew = _Resets(graph, resets, symbols, h[: len(sides)])
+    timed = _Updates(graph, updates, symbols)
     instants = [(symbols[u], symbols[tau]) for u, tau in delays]
     switched = [
         reduce(
@@ -193,15 +212,17 @@ def build_programs(
         )
         for leaf, node in zip(leaves.x, f, strict=True)
     ]
-    variables = [*_reached(graph, f, h[: len(sides)], anew, switched), *leaves.theta]
+    also = [by | timed.reads(leaf) for leaf, by in zip(leaves.x, switched, strict=True)]
+    variables = [*_reached(graph, f, h[: len(sides)], anew, also), *leaves.theta]
     jumps = len(surfaces.crossable)
-    through = [_read_through(graph, node, h[:jumps]) | anew.read_through(i, node) | switched[i] for i, node in enumerate(f)]
+    through = [_read_through(graph, node, h[:jumps]) | anew.read_through(i, node) | also[i] for i, node in enumerate(f)]
     state_entries, state_nodes = _entries(graph, f, leaves.x)
     rate_entries, rate_nodes = _entries(graph, f, variables, through)
     output_entries, output_nodes = _entries(graph, g, variables)
     watched = jumps + sum(surfaces.steep[jumps:])
     jump_entries, jump_nodes = _entries(graph, h[:watched], [*leaves.x, *leaves.theta])
     reset_entries, reset_nodes = _entries(graph, anew.values, variables)
+    update_entries, update_nodes = _entries(graph, timed.values, variables)
     return Programs(
         rates=schedule(graph, f),
         output=schedule(graph, g),
@@ -231,7 +252,29 @@ def build_programs(
         reset_targets=tuple(anew.targets),
         reset_entries=reset_entries,
         reset_levels=tuple(reset.by_level for reset in resets),
+        update_count=len(updates),
+        updates=schedule(graph, timed.values),
+        update_jacobian=schedule(graph, timed.values + update_nodes),
+        update_targets=tuple(timed.targets),
+        update_entries=update_entries,
     )
+
+
+class _Updates:
+    """Nodes of what sets states anew at known times."""
+
+    def __init__(self, graph: Graph, updates: Sequence[Update], symbols: Mapping[Any, int]) -> None:
+        if len(updates) > MOST_UPDATES:
+            raise ValueError(f"updates: expected at most {MOST_UPDATES}, given {len(updates)}")
+        self._graph = graph
+        pairs = [(q, symbols[state], value) for q, update in enumerate(updates) for state, value in update.values]
+        self.targets = [(q, leaf - graph.leaves.x.start) for q, leaf, _ in pairs]
+        self.values = nodes_of(graph, [value for _, _, value in pairs], symbols)
+
+    def reads(self, leaf: int) -> int:
+        """What a state depends on by its updates."""
+        of = (i + self._graph.leaves.x.start for _, i in self.targets)
+        return reduce(or_, (self._graph.reads[node] for at, node in zip(of, self.values, strict=True) if at == leaf), 0)
 
 
 class _Resets:

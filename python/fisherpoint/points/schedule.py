@@ -1,10 +1,13 @@
-"""Runs of models whose inputs have a dead time, as runs of more segments in which every input switches at its ends.
+"""Runs as the kernels take them: in segments at whose ends inputs switch late, by their dead times, or states are updated.
 
 u is held, so that u(t - tau) switches at t_s + tau. A switch that comes at the end or later does not act. Instants that differ by
 rounding alone are one: dead times of whole segments make no new ones. The segments of a run at one theta are not those at another.
 
 x goes on through a switch, and S jumps by f_before - f_after in the column of tau: the kernels do that (`moved`). Where a switch
 comes just with an end, or with other switches, the derivative is that for a larger tau, by which it comes last.
+
+An update comes at the start of a segment. Times of updates that differ from an end by rounding alone are that end; what is sampled
+there is sampled just before.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from numpy.typing import NDArray
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
+from ..models.tape.update import UpdateTimes
 from .runs import Flags, Runs
 from .status import Status
 from .trajectories import Sensitivities, Trajectories
@@ -26,12 +30,16 @@ _Result = TypeVar("_Result", Trajectories, Sensitivities)
 _ROUNDED = 8 * np.finfo(float).eps
 """Shares of a run's length, up to which instants are the same."""
 
+_SAME = 1e-9
+"""Shares of the time between updates, up to which one is at an end."""
 
-class Switched(NamedTuple):
+
+class Schedule(NamedTuple):
     """Segments u (K, E, n_u), dt (K, E) between all switches; ends (K, N), at which of them each given segment ends.
 
     Columns `moved` (K, E, C) of the parameters that move the switch at a segment's start, -1 for none, and the inputs `moved_u`
-    (K, E, C, n_u) just before; empty where no dead time is a parameter.
+    (K, E, C, n_u) just before; empty where no dead time is a parameter. The `updates` (K, E) at the starts, as bits; empty where the
+    model has none.
     """
 
     u: Array
@@ -39,15 +47,26 @@ class Switched(NamedTuple):
     ends: NDArray[np.intp]
     moved: IntArray
     moved_u: Array
+    updates: IntArray
 
-    def until(self, length: int) -> Switched:
+    def until(self, length: int) -> Schedule:
         """The first segments alone."""
-        parts = self.u[:, :length], self.dt[:, :length], self.ends, self.moved[:, :length], self.moved_u[:, :length]
-        return Switched(*parts)
+        own = self._asdict() | {"ends": self.ends[:, None]}
+        return Schedule(**{name: of[:, :length] for name, of in own.items()})._replace(ends=self.ends)
 
     def options(self, rows: Any = slice(None)) -> dict[str, Any]:
         """What the kernel of sensitivities is given of some rows."""
-        return {"moved": self.moved[rows], "moved_u": self.moved_u[rows]} if self.moved.size else {}
+        moved = {"moved": self.moved[rows], "moved_u": self.moved_u[rows]} if self.moved.size else {}
+        return moved | self.of_states(rows)
+
+    def of_states(self, rows: Any = slice(None)) -> dict[str, Any]:
+        """What every kernel is given of some rows."""
+        return {"updates": self.updates[rows]} if self.updates.size else {}
+
+
+def has_schedule(model: Model, runs: Runs) -> bool:
+    """Whether runs have further segments: a single one has no late switch where the inputs before are its own."""
+    return bool(model.updates) or (bool(model.delays) and runs.points is None)
 
 
 def dead_times(model: Model, theta: Array, count: int) -> Array:
@@ -58,7 +77,7 @@ def dead_times(model: Model, theta: Array, count: int) -> Array:
         return model.constants[tau] if isinstance(tau, str) else tau
 
     each = [rows[:, columns[u]] if u in columns else np.full(count, known(tau)) for u, tau in model.delays.items()]
-    return np.stack(each, axis=1).astype(float)
+    return np.stack(each, axis=1).astype(float) if each else np.zeros((count, 0))
 
 
 class Earlier(NamedTuple):
@@ -68,8 +87,10 @@ class Earlier(NamedTuple):
     u: Array
 
 
-def switched(model: Model, u: Array, dt: Array, before: Array, theta: Array, earlier: Earlier | None = None) -> Switched:
-    """Segments of K runs, u (K, N, n_u) and dt (K, N), with parameters (p,) or (K, p).
+def scheduled(
+    model: Model, u: Array, dt: Array, before: Array, theta: Array, earlier: Earlier | None = None, since: float = 0.0
+) -> Schedule:
+    """Segments of K runs, u (K, N, n_u) and dt (K, N), with parameters (p,) or (K, p), from the time `since` on.
 
     The inputs before are `earlier`, and `before` (K, n_u) until then.
     """
@@ -90,11 +111,15 @@ def switched(model: Model, u: Array, dt: Array, before: Array, theta: Array, ear
         was[:, place] = np.where(over[:, j] > 0, held[row[:, 0], np.maximum(over[:, j] - 1, 0), place], before[:, place])
     late = np.where(acts[:, :, None] & (late < (ends[:, -1:] - rounded)[:, :, None]), np.maximum(late, 0.0), np.inf)
     late = late.reshape(count, -1)
+    timed = [q for q, one in enumerate(model.updates) if not one.each_segment]
+    updated = [_update_instants(model.updates[q], given, since) for q in timed]
 
     # All instants in order, those of the given ends first where they are the same.
     kind = np.concatenate([np.full(n + 1, -1), np.tile(np.arange(len(places)), starts.shape[1])])
-    order = np.argsort(np.concatenate([given, late], axis=1), axis=1, kind="stable")
-    t = np.take_along_axis(np.concatenate([given, late], axis=1), order, axis=1)
+    kind = np.concatenate([kind, *(np.full(of.shape[1], len(places) + q) for q, of in zip(timed, updated, strict=True))])
+    instants = np.concatenate([given, late, *updated], axis=1)
+    order = np.argsort(instants, axis=1, kind="stable")
+    t = np.take_along_axis(instants, order, axis=1)
     own = kind[order] < 0
     last = np.maximum.accumulate(np.where(own, t, -np.inf), axis=1)
     next_one = np.minimum.accumulate(np.where(own, t, np.inf)[:, ::-1], axis=1)[:, ::-1]
@@ -124,7 +149,11 @@ def switched(model: Model, u: Array, dt: Array, before: Array, theta: Array, ear
         switches = np.maximum.accumulate(switches, axis=1)
         values[:, :, place] = np.where(switches > 0, held[row, np.maximum(switches - 1, 0), place], before[:, None, place])
     changed = (np.diff(values[:, :, places], axis=1, prepend=was[:, None, places]) != 0).any(axis=2)
-    kept = (time < np.inf) & (is_given | changed)
+    which = np.zeros((count, groups), dtype=np.int32)
+    for q, one in enumerate(model.updates):
+        here = is_given if one.each_segment else at_groups(finite, finite & (of == len(places) + q), False)
+        which |= np.where(here, np.int32(1 << q), np.int32(0))
+    kept = (time < np.inf) & (is_given | changed | (which != 0))
 
     # Of these alone; the last is the end.
     number = np.cumsum(kept, axis=1) - 1
@@ -143,7 +172,23 @@ def switched(model: Model, u: Array, dt: Array, before: Array, theta: Array, ear
     places_of_ends = np.full((count, n), length - 1, dtype=np.intp)
     k, m = np.nonzero(kept & (own_end >= 0))
     places_of_ends[k, own_end[k, m]] = number[k, m] - 1
-    return Switched(inputs, parts, places_of_ends, *_moved(model, inputs, some, was, places))
+    updates = np.where(some, which[row, start], np.int32(0)) if model.updates else np.zeros((count, 0), dtype=np.int32)
+    return Schedule(inputs, parts, places_of_ends, *_moved(model, inputs, some, was, places), updates)
+
+
+def _update_instants(times: UpdateTimes, ends: Array, since: float) -> Array:
+    """Times (K, M) of updates of runs, from their starts, which end at ends (K, N + 1), inf behind; none at their last ends."""
+    last = np.where(ends < np.inf, ends, -np.inf).max(axis=1, keepdims=True)
+    at = times.until(since + float(last.max())) - since
+    apart = min([times.every, *np.diff(times.at)] if times.every else [*np.diff(times.at), float("inf")])
+    near = _SAME * min(apart, float(last.max())) + _ROUNDED * float(last.max())
+    at = np.maximum(at[at >= -near], 0.0)
+    found = np.empty((len(ends), len(at)))
+    for k, own in enumerate(ends):  # each has ends of its own
+        right = np.clip(np.searchsorted(own, at), 1, len(own) - 1)
+        nearest = np.where(at - own[right - 1] <= own[right] - at, own[right - 1], own[right])
+        found[k] = np.where(np.abs(nearest - at) <= near, nearest, at)
+    return np.where(found < last - near, found, np.inf)
 
 
 def _moved(model: Model, held: Array, some: Flags, before: Array, places: list[int]) -> tuple[IntArray, Array]:
@@ -174,16 +219,16 @@ def inputs_before(model: Model, runs: Runs) -> Array:
     return before
 
 
-def switched_runs(model: Model, runs: Runs, theta: Array) -> tuple[Runs, Switched]:
+def scheduled_runs(model: Model, runs: Runs, theta: Array) -> tuple[Runs, Schedule]:
     """Runs in which every input switches at the ends of segments, measured where the given ones are."""
-    found = switched(model, runs.u, runs.dt, inputs_before(model, runs), theta)
+    found = scheduled(model, runs.u, runs.dt, inputs_before(model, runs), theta)
     measured = np.zeros(found.dt.shape, dtype=bool)
     k, n = np.nonzero(runs.measured)
     measured[k, found.ends[k, n]] = True
     return Runs._of(runs.x0, found.u, found.dt, measured, runs.columns, runs.rests), found
 
 
-def folded(model: Model, runs: Runs, theta: Array, found: Switched, result: _Result) -> _Result:
+def folded(model: Model, runs: Runs, theta: Array, found: Schedule, result: _Result) -> _Result:
     """Results of the given runs, of those with more segments."""
     row, there = np.arange(len(runs))[:, None], runs.dt > 0
     done = there & (found.ends < result.reached[:, None])
