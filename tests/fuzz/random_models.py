@@ -41,6 +41,7 @@ ALSO = (
     "nice",
     "nice",
     "delay",
+    "updates",
     "shared",
     "noise",
     "runs",

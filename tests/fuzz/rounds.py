@@ -29,6 +29,7 @@ from check_runs import check_runs
 from check_sensitivities import check_sensitivities
 from check_shared import check_shared
 from check_states import check_states
+from check_updates import check_updates
 from checks import Bench, check_functions, check_static
 from figures import Figures, Finding
 from random_cylinders import cylinders
@@ -173,6 +174,7 @@ def checked(case: Case, figures: Figures, levels: Levels | None, only: str) -> l
         "kinds": lambda: check_kinds(bench),
         "runs": lambda: check_runs(bench),
         "delay": lambda: check_delay(bench),
+        "updates": lambda: check_updates(bench),
         "shared": lambda: check_shared(bench),
         "noise": lambda: check_noise(bench),
         "local": lambda: check_local(bench),

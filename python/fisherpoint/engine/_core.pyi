@@ -165,6 +165,15 @@ class TapeModel:
             tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
         ],
         reset_levels: collections.abc.Sequence[bool],
+        update_count: typing.SupportsInt | typing.SupportsIndex,
+        updates: Program,
+        update_jacobian: Program,
+        update_targets: collections.abc.Sequence[
+            tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+        ],
+        update_entries: collections.abc.Sequence[
+            tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+        ],
     ) -> None:
         """
         Scales of the states, how many there are of what (the poles and what is measured among the limits), and the programs with their entries.
@@ -202,6 +211,16 @@ class TapeModel:
         u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     ) -> numpy.typing.NDArray[numpy.float64]: ...
+    def updated(
+        self,
+        x: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        theta: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        which: typing.SupportsInt | typing.SupportsIndex,
+    ) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        States behind the updates that `which` has as bits.
+        """
 
 class CompiledModel(TapeModel):
     def __init__(self, tape: TapeModel, library: str) -> None: ...

@@ -126,6 +126,7 @@ def run_sensitivities(
     doubts: bool = False,
     moved: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
     moved_u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = ...,
+    updates: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
     whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
@@ -136,7 +137,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before. updates are as of simulate_runs.
     """
 
 @typing.overload
@@ -157,6 +158,7 @@ def run_sensitivities(
     doubts: bool = False,
     moved: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
     moved_u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = ...,
+    updates: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
     whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
@@ -167,7 +169,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before. updates are as of simulate_runs.
     """
 
 @typing.overload
@@ -188,6 +190,7 @@ def run_sensitivities(
     doubts: bool = False,
     moved: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
     moved_u: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] = ...,
+    updates: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
     whole_first: bool = False,
 ) -> tuple[
     numpy.typing.NDArray[numpy.float64],
@@ -198,7 +201,7 @@ def run_sensitivities(
     numpy.typing.NDArray[numpy.int64],
 ]:
     """
-    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before.
+    x, y, dx_dtheta, dy_dtheta at the segments' ends, statuses, segments that were completed. s is dx_dtheta at the starts, empty for zero; at an end that is not `measured` no derivative need exist. With `doubts`, entries of dx_dtheta are NaN that hang on whether a jump is met before an end or behind it. At the start of a segment the input may switch in instants that are parameters: moved (K, N, E) has their columns, -1 for none, and moved_u (K, N, E, n_u) the inputs before. updates are as of simulate_runs.
     """
 
 @typing.overload
@@ -357,9 +360,10 @@ def simulate_runs(
     cross_jumps: bool,
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
+    updates: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
 ) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
     """
-    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed.
+    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed. updates, as dt: those of the model that come at the segments' starts, as bits.
     """
 
 @typing.overload
@@ -374,9 +378,10 @@ def simulate_runs(
     cross_jumps: bool,
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
+    updates: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
 ) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
     """
-    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed.
+    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed. updates, as dt: those of the model that come at the segments' starts, as bits.
     """
 
 @typing.overload
@@ -391,7 +396,8 @@ def simulate_runs(
     cross_jumps: bool,
     method: str,
     threads: typing.SupportsInt | typing.SupportsIndex,
+    updates: typing.Annotated[numpy.typing.ArrayLike, numpy.int32] = ...,
 ) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int64]]:
     """
-    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed.
+    States (K, N + 1, n_x) of runs with the starts x0 (K, n_x) under the inputs u (K, N, n_u), each held for its dt (K, N), or of u (N, n_u) and dt (N,) that all share; statuses, and how many segments were completed. updates, as dt: those of the model that come at the segments' starts, as bits.
     """

@@ -38,8 +38,7 @@ class Schedule(NamedTuple):
     """Segments u (K, E, n_u), dt (K, E) between all switches; ends (K, N), at which of them each given segment ends.
 
     Columns `moved` (K, E, C) of the parameters that move the switch at a segment's start, -1 for none, and the inputs `moved_u`
-    (K, E, C, n_u) just before; empty where no dead time is a parameter. The `updates` (K, E) at the starts, as bits; empty where the
-    model has none.
+    (K, E, C, n_u) just before; empty where no dead time is a parameter. The `updates` (K, E) of the starts, as bits, or none.
     """
 
     u: Array
