@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,15 +17,11 @@ from ..models import Model
 from .bounds import in_units_of, pair_or_number, read_bounds, split_unit, units_in, with_units
 from .region import refuse_fixed_on_surface
 from .rest import Rest
-from .runs import Runs, as_flags
+from .run_checks import as_flags, as_period, check_period
 
 MOST_SEGMENTS = 10_000
 
-ROUNDING = 1e-9
-"""Share by which a step between levels may exceed what an input may change: 0.3 - 0.2 is more than 0.2 - 0.1."""
-
-DECADE = 10.0
-"""Bounds of durations that are further apart count logarithmically."""
+_OPTIONS = ("constant", "shared", "levels", "slew", "duration", "measured", "samples", "rest", "sample_every")
 
 
 class RunRegion:
@@ -59,6 +54,9 @@ class RunRegion:
         closed system keeps; states that are held vary within theirs.
     samples : int, optional
         The design takes the best so many of these of each run. Default: all.
+    sample_every : float, or (float, unit), optional
+        The period at which all outputs are measured instead, s: at all of its multiples up to the end of a run, whatever the
+        segments are.
 
     Raises
     ------
@@ -83,6 +81,7 @@ class RunRegion:
         measured: ArrayLike | None = None,
         samples: int | None = None,
         rest: Rest | None = None,
+        sample_every: Any = None,
     ) -> None:
         self.bounds: Mapping[str, tuple[float, float]]
         self.units: Mapping[str, str]
@@ -118,10 +117,26 @@ class RunRegion:
         self.rest = rest
         self.measured: tuple[bool, ...] = tuple(flags.tolist())
         self.samples = None if samples is None else check_positive_int(samples, "samples", most=int(flags.sum()))
+        self.sample_every = None if sample_every is None else self._period(sample_every)
+
+    def _period(self, given: Any) -> float:
+        if isinstance(given, Mapping):
+            raise TypeError(f"sample_every: expected one period for all outputs, as all are measured at once; given {shown(given)}")
+        for name, beside in (("measured", not all(self.measured)), ("samples", self.samples is not None)):
+            if beside:
+                raise ValueError(f"{name}: expected none beside sample_every, which measures at all multiples of the period, given some")
+        every = as_period(given, "sample_every")
+        check_period(every, self.segments * self.bounds["dt"][0], self.longest, "sample_every")
+        return every
+
+    @property
+    def longest(self) -> float:
+        """The longest that a run may last, s."""
+        most = self.segments * self.bounds["dt"][1]
+        return most if self.duration is None else min(most, self.duration)
 
     def _arguments(self) -> dict[str, Any]:
-        names = ("bounds", "segments", "constant", "shared", "levels", "slew", "duration", "measured", "samples", "rest")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in ("bounds", "segments", *_OPTIONS)}
 
     def check(self, model: Model, crossed: Collection[str] = ()) -> None:
         """Raise unless the region bounds exactly what a run of `model` consists of.
@@ -162,19 +177,11 @@ class RunRegion:
         return RunRegion(
             in_units_of(self.bounds, self.units, model.axes),
             self.segments,
-            constant=self.constant,
-            shared=self.shared,
-            levels=levels,
-            slew=slew,
-            duration=self.duration,
-            measured=self.measured,
-            samples=self.samples,
-            rest=self.rest,
+            **{name: getattr(self, name) for name in _OPTIONS} | {"levels": levels, "slew": slew},
         )
 
     def _identity(self) -> tuple[object, ...]:
-        held = self.bounds, self.units, self.segments, self.constant, self.shared, self.levels, self.slew
-        return (*held, self._level_units, self._slew_units, self.duration, self.measured, self.samples, self.rest)
+        return self.units, self._level_units, self._slew_units, *self._arguments().values()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RunRegion) and self._identity() == other._identity()
@@ -184,140 +191,6 @@ class RunRegion:
 
     def __repr__(self) -> str:
         return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments})"
-
-    def coordinates(self, model: Model) -> RunCoordinates:
-        """The free numbers of a run of `model`."""
-        self.check(model, (*model.jumps, *model.kinks))
-        return RunCoordinates(self, model)
-
-
-class RunCoordinates:
-    """The free numbers of a run, each between 0 and 1: starts, then inputs by segment, then durations by segment.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What each is of.
-    segment : ndarray, (d,)
-        From which segment on it has an effect; 0 of starts and of what stays the same over a run.
-    shared : ndarray of bool, (d,)
-        Whether all runs of a design have it alike.
-    stepped : ndarray of int, (d,)
-        How many levels it has; 0 for any value.
-    """
-
-    def __init__(self, region: RunRegion, model: Model) -> None:
-        self._region, self._model, n = region, model, region.segments
-        states, inputs = names_of(model.states), names_of(model.inputs)
-        self._places: list[tuple[str, str, slice]] = []  # kind, name, and where its numbers are
-        names: list[str] = []
-        segment: list[int] = []
-        stepped: list[int] = []
-        for kind, group in (("state", states), ("input", inputs), ("dt", ("dt",))):
-            for name in group:
-                lower, upper = region.bounds[name]
-                levels = len(region.levels.get(name, ()))
-                rests = kind == "state" and region.rest is not None and name in region.rest.found(states)
-                if lower == upper or levels == 1 or rests:
-                    continue
-                count = n if kind != "state" and name not in region.constant else 1
-                self._places.append((kind, name, slice(len(names), len(names) + count)))
-                names += [name] * count
-                segment += list(range(count))
-                stepped += [levels] * count
-        self.names = tuple(names)
-        self.segment, self.stepped = np.array(segment, dtype=np.intp), np.array(stepped, dtype=np.intp)
-        self.shared: NDArray[np.bool_] = np.array([name in region.shared for name in names], dtype=bool)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    @cached_property
-    def inputs(self) -> list[tuple[str, slice]]:
-        """Inputs that may change from segment to segment, and where their numbers are."""
-        places = ((name, where) for kind, name, where in self._places if kind == "input")
-        return [(name, where) for name, where in places if where.stop - where.start == self._region.segments]
-
-    @property
-    def segments(self) -> int:
-        """Number of segments of each run."""
-        return self._region.segments
-
-    @cached_property
-    def input_names(self) -> tuple[str, ...]:
-        """Inputs that may vary, from segment to segment or between runs."""
-        return tuple(name for kind, name, _ in self._places if kind == "input")
-
-    @cached_property
-    def quiet(self) -> Array:
-        """Free numbers (d,) at which inputs are those of the rest, or as near to zero as they may be; others are in the middle."""
-        z, rest = np.full(len(self), 0.5), self._region.rest
-        for kind, name, where in self._places:
-            if kind == "input":
-                value, (lower, upper) = 0.0 if rest is None else rest.u.get(name, 0.0), self._region.bounds[name]
-                levels = np.array(self._region.levels.get(name, ()))
-                nearest = (np.argmin(np.abs(levels - value)) + 0.5) / len(levels) if len(levels) else None
-                z[where] = np.clip((value - lower) / (upper - lower), 0.0, 1.0) if nearest is None else nearest
-        return z
-
-    def runs(self, z: Array) -> Runs:
-        """The runs with free numbers z (K, d)."""
-        region, model, count = self._region, self._model, len(z)
-        shape = (count, region.segments)
-        values: dict[str, Array] = {}
-        for name, (lower, upper) in region.bounds.items():
-            # Of a state that is at rest, the middle of its bounds is the guess; others have one value, or are set below.
-            one = region.levels[name][0] if len(region.levels.get(name, ())) == 1 else 0.5 * (lower + upper)
-            values[name] = np.full((count, 1), one)
-        for _, name, where in self._places:
-            values[name] = self._value(name, z[:, where])
-        x0 = np.column_stack([values[name] for name in names_of(model.states)])
-        u = np.empty((*shape, len(model.inputs)))
-        for i, name in enumerate(names_of(model.inputs)):
-            u[:, :, i] = self._slewed(name, np.broadcast_to(values[name], shape))
-        dt = np.broadcast_to(values["dt"], shape).copy()
-        if region.duration is not None:
-            dt = _shortened(dt, region.bounds["dt"][0], region.duration)
-        measured = np.broadcast_to(np.array(region.measured), shape).copy()
-        return Runs(x0, u, dt, measured, rest=region.rest, columns=(*names_of(model.states), *names_of(model.inputs)))
-
-    def _value(self, name: str, share: Array) -> Array:
-        lower, upper = self._region.bounds[name]
-        if name in self._region.levels:
-            levels = np.array(self._region.levels[name])
-            return np.asarray(levels[np.clip((share * len(levels)).astype(int), 0, len(levels) - 1)])
-        if name == "dt" and upper > DECADE * lower:
-            return np.asarray(np.clip(lower * (upper / lower) ** share, lower, upper))
-        return np.asarray(np.clip(lower + (upper - lower) * share, lower, upper))
-
-    def _slewed(self, name: str, values: Array) -> Array:
-        """The values (K, N), as near as the steps from one segment to the next allow; levels where there are some."""
-        most = self._region.slew.get(name)
-        if most is None:
-            return values
-        levels = np.array(self._region.levels.get(name, ()))
-        slewed = values.copy()
-        for n in range(1, values.shape[1]):
-            before = slewed[:, n - 1]
-            slewed[:, n] = np.clip(values[:, n], before - most, before + most)
-            if len(levels):
-                slewed[:, n] = _nearest_level(levels, values[:, n], before, most)
-        return slewed
-
-
-def _shortened(dt: Array, lower: float, duration: float) -> Array:
-    """Durations (K, N); those that last too long together approach their lower bound by one share of what is above it."""
-    above = dt - lower
-    excess, left = above.sum(axis=1, keepdims=True), max(duration - dt.shape[1] * lower, 0.0)
-    share = np.divide(left, excess, out=np.ones_like(excess), where=excess > left)
-    return np.where(share < 1.0, lower + share * above, dt)
-
-
-def _nearest_level(levels: Array, wanted: Array, before: Array, most: float) -> Array:
-    """Return the level nearest to `wanted` (K,), of those (L,) within `most` of the one `before` (K,)."""
-    reached = np.abs(levels - before[:, None]) <= most * (1 + ROUNDING)
-    distance = np.where(reached, np.abs(levels - wanted[:, None]), np.inf)
-    return np.asarray(levels[np.argmin(distance, axis=1)])
 
 
 def _levels(given: Any, label: str) -> tuple[float, ...]:

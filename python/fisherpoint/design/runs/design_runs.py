@@ -218,7 +218,7 @@ class _End(NamedTuple):
 
 
 def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
-    """The best runs, on plants that the search has not seen.
+    """The best runs, on plants that the search has not seen, which are computed by their held segments.
 
     Where a classical design says more, and as many of these plants can run it, it is the design.
     """
@@ -244,7 +244,7 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
                 runs, value, tried = own, found.value, of_plants
     except KeyboardInterrupt:
         reason = StopReason.interrupted
-    return _End(runs, value, tried, classical, reason)
+    return _End(search.sampled(runs), value, tried, classical, reason)
 
 
 def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:

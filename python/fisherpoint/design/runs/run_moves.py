@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.run_tangents import RunTangents
-from ...points.run_region import RunCoordinates
+from ...points.run_coordinates import RunCoordinates
 from .run_objective import RunObjective
 from .tuning import RunSearchTuning
 
@@ -54,7 +54,7 @@ def best_moves(
 def _along(objective: RunObjective, z: Array, k: int, selected: NDArray[np.bool_] | None) -> RunTangents:
     """Tangents of one run, which others continue that are equal up to some segment."""
     run = objective.tried(z[k : k + 1], None if selected is None else selected[k : k + 1])
-    return objective.tangents(run, outputs_alone=False)
+    return objective.tangents(run.runs, outputs_alone=False)
 
 
 def _in_turn(objective: RunObjective, z: Array, rng: np.random.Generator, others: Array) -> Array:

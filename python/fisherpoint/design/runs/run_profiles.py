@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ...basics.values import Array
-from ...points.run_region import RunCoordinates
+from ...points.run_coordinates import RunCoordinates
 
 AT_BOUND = 0.5
 """Share of starts and levels that lie on a bound, where optima mostly are."""

@@ -14,7 +14,8 @@ import numpy as np
 from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...models import Model
-from ...points.run_region import DECADE, RunRegion
+from ...points.run_coordinates import DECADE
+from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from .tuning import RunSearchTuning
 

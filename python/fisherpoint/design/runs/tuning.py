@@ -238,6 +238,9 @@ class RunSearchTuning:
     most_rows_at_once: int = 64
     """Maximum number of them: few enough for its cache."""
 
+    most_parts_at_once: int = 200_000
+    """Maximum number of parts between samples that one thread computes at once, so that memory stays bounded."""
+
     plants: int = 4000
     """Number of plants that runs are tried on during the search."""
 
