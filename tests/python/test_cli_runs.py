@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint.design.file.configuration import ConfigError, load_config, load_problem
 from fisherpoint.design.runs.run_picture_list import PICTURES
+from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint_command.cli import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

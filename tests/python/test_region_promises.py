@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint.design.candidates.point_rows import PointRows
+from fisherpoint.points.run_coordinates import RunCoordinates
 
 MODEL = fp.SymbolicModel(
     f=["v", "k*u - d*v + 0.2*w - 0.1*x"],

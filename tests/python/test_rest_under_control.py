@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import root
 
 import fisherpoint as fp
-from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint.basics.result_files import decoded, encoded
 from fisherpoint.design.file.configuration import load_config
+from fisherpoint.points.run_coordinates import RunCoordinates
 
 LIFT = fp.SymbolicModel(
     f=["v", "(k*i - m*9.81 - d*v)/m", "(u - R*i - k*v)/L"],

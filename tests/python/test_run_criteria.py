@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint.design.file.configuration import load_config
 from fisherpoint.design.goal.scenario_average import Average
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_slopes import linear_rows
+from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint.points.settings import Integration
 
 FINE = Integration(1e-9)

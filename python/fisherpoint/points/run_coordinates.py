@@ -101,7 +101,7 @@ class RunCoordinates:
         return self.sampled(self.held(z))[0]
 
     def sampled(self, held: Runs, counts: NDArray[np.intp] | None = None) -> tuple[Runs, NDArray[np.intp] | None]:
-        """Runs of held segments as they are sampled, and at which of their parts each segment ends, (K, N); None for each at its own.
+        """Runs of held segments as they are sampled, and which of their parts (K, N) ends each segment; None for its own.
 
         With `counts` (K,) so many samples are measured, even where a run ends before.
         """

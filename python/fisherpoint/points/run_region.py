@@ -6,13 +6,13 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..basics.checks import as_floats, as_positive, by_name, check_mapping, check_names, check_positive_int, check_type, names_among
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.units import converted
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import FrozenMapping
 from ..models import Model
 from .bounds import in_units_of, pair_or_number, read_bounds, split_unit, units_in, with_units
 from .region import refuse_fixed_on_surface
@@ -124,7 +124,9 @@ class RunRegion:
             raise TypeError(f"sample_every: expected one period for all outputs, as all are measured at once; given {shown(given)}")
         for name, beside in (("measured", not all(self.measured)), ("samples", self.samples is not None)):
             if beside:
-                raise ValueError(f"{name}: expected none beside sample_every, which measures at all multiples of the period, given some")
+                raise ValueError(
+                    f"{name}: expected none beside sample_every, which measures at all multiples of the period, given some"
+                )
         every = as_period(given, "sample_every")
         check_period(every, self.segments * self.bounds["dt"][0], self.longest, "sample_every")
         return every
@@ -190,7 +192,8 @@ class RunRegion:
         return hash(self._identity())
 
     def __repr__(self) -> str:
-        return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments})"
+        often = "" if self.sample_every is None else f", sample_every={self.sample_every:g}"
+        return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments}{often})"
 
 
 def _levels(given: Any, label: str) -> tuple[float, ...]:

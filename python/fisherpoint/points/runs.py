@@ -19,7 +19,8 @@ from ..show.section import Report
 from ..show.table_preview import InNotebooks, first_rows, numbered
 from .experiments import Experiments, checked_columns, columns_of
 from .rest import Rest, Rests, any_rests, as_rests, joined_rests
-from .run_checks import Flags, as_flags, as_period, check_period, check_segments, inputs_before, of_segments
+from .run_checks import Flags as Flags
+from .run_checks import as_flags, as_period, check_period, check_segments, inputs_before, of_segments
 from .run_files import read_runs, runs_csv
 from .sampling import divided, multiples, sample_counts
 
@@ -301,7 +302,9 @@ class Runs(InNotebooks):
             has no sample, or more than a million.
         """
         if (every is None) == (at is None):
-            raise ValueError("sampled: expected one of every, a period, and at, instants; given " + ("none" if at is None else "both"))
+            raise ValueError(
+                "sampled: expected one of every, a period, and at, instants; given " + ("none" if at is None else "both")
+            )
         ends = self.dt.sum(axis=1)
         if at is None:
             every = as_period(every, "every")
@@ -312,7 +315,9 @@ class Runs(InNotebooks):
             raise ValueError(f"at: expected increasing instants above zero, in s, given {shown(at)}")
         within = times <= ends[:, None] * (1 + 1e-12)
         if not within.any(axis=1).all() or not within.any(axis=0).all():
-            raise ValueError(f"at: expected instants within the runs, which end at {ends.max():g} s, the first at {ends.min():g} s; given {shown(at)}")
+            raise ValueError(
+                f"at: expected instants within the runs, which end from {ends.min():g} s to {ends.max():g} s; given {shown(at)}"
+            )
         return self.divided_at(np.where(within, times, np.inf))[0]
 
     def divided_at(self, times: Array, every: float | None = None) -> tuple[Runs, NDArray[np.intp]]:
@@ -341,6 +346,8 @@ class Runs(InNotebooks):
         between), and rest_u, of an input u, has the held input. The states then are the guess. Where a controller holds runs there,
         rest_hold and rest_solve name states and inputs as `Rest` has them, and rest_y_q has the output q.
         Inputs before the start stand in before_u, of an input u, where they are given.
+        Runs that are sampled at a period, four times or more in each hold on average, have one row for each hold, and the period
+        in the column sample_every of their first row; their durations are read back to rounding.
         Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
         """
         write_whole(path, runs_csv(self, model))

@@ -1,11 +1,12 @@
 """Runs whose outputs are sampled at given instants, whatever their segments are: held segments divided at these.
 
-An instant that is the end of a segment but for rounding is that end. The other way round, held segments and a period are found again
-from the parts: files and reports have these, as an operator programs them.
+An instant that is the end of a segment but for rounding is that end. The other way round, held segments and a period are found
+again from the parts: files and reports have these, as an operator programs them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -35,11 +36,14 @@ class Divided(NamedTuple):
 def divided(dt: Array, times: Array, every: float | None = None) -> Divided:
     """Segments (K, N) divided at times (K, S), increasing, inf where there are no more.
 
-    What is later than the end of a run prolongs its last segment. A part from one sample to the next lasts `every`, where that is given.
+    What is later than the end of a run prolongs its last segment. A part from one sample to the next lasts `every`, where that is
+    given.
     """
     if len(dt) > 1 and (dt == dt[0]).all() and (times == times[0]).all():  # one clock for all
         one = divided(dt[:1], times[:1], every)
-        return Divided(*(np.broadcast_to(part, (len(dt), part.shape[1])) for part in one))
+        shape = len(dt), one.dt.shape[1]
+        ends = np.broadcast_to(one.ends, dt.shape)
+        return Divided(np.broadcast_to(one.dt, shape), np.broadcast_to(one.of, shape), np.broadcast_to(one.measured, shape), ends)
     count, n = dt.shape
     ends = np.where(dt > 0, np.cumsum(dt, axis=1), np.inf)
     steps = np.diff(times, axis=1, prepend=0.0) if every is None else np.full((count, times.shape[1]), every)
@@ -72,7 +76,7 @@ def divided(dt: Array, times: Array, every: float | None = None) -> Divided:
     parts = np.where(to_next, np.take_along_axis(steps, np.maximum(sample - 1, 0), axis=1), parts)
     whole = (end > 0) & (before(end) == end - 1)
     parts = np.where(whole, np.take_along_axis(dt, np.maximum(end - 1, 0), axis=1), parts)
-    of = np.minimum(np.cumsum(before(end > 0), axis=1), np.count_nonzero(dt, axis=1)[:, None] - 1)
+    of = np.minimum(np.cumsum(before((end > 0).astype(np.intp)), axis=1), np.count_nonzero(dt, axis=1)[:, None] - 1)
     places = np.tile(there.sum(axis=1)[:, None] - 1, (1, n))
     k, m = np.nonzero(end > 0)
     places[k, end[k, m] - 1] = m
@@ -127,13 +131,17 @@ def holds_of(runs: RunParts) -> Holds:
             held = np.where(near, [float(f"{one:.12g}") for one in whole * period], held)
             u, dt, measured = u[first], held, measured[last]
         parts.append((u, dt, measured))
-    longest = max((len(dt) for _, dt, _ in parts), default=0)
-    shape = len(parts), longest
-    u, dt, measured = np.zeros((*shape, runs.u.shape[2])), np.zeros(shape), np.zeros(shape, dtype=bool)
+    return Holds(*(segments_of(parts) if parts else (runs.u, runs.dt, runs.measured)), every)
+
+
+def segments_of(parts: Sequence[tuple[Array, Array, NDArray[np.bool_]]]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Segments u (K, N, n_u), dt and measured (K, N) of runs with different numbers of them, a tuple each."""
+    shape = len(parts), max(len(dt) for _, dt, _ in parts)
+    u, dt, measured = np.zeros((*shape, parts[0][0].shape[1])), np.zeros(shape), np.zeros(shape, dtype=bool)
     for k, (held, durations, flags) in enumerate(parts):
         u[k, : len(held)], u[k, len(held) :] = held, held[-1]
         dt[k, : len(held)], measured[k, : len(held)] = durations, flags
-    return Holds(u, dt, measured, every)
+    return u, dt, measured
 
 
 def _period(dt: Array, measured: NDArray[np.bool_]) -> float | None:

@@ -150,7 +150,7 @@ class RunObjective:
             of_all = self.tangents(runs[some], threads=1).rows(self.problem).sensitivity
             white = of_all / np.sqrt(np.diag(self.problem.noise_covariance))[:, None]
             white = white.reshape(len(self.plants), -1, white.shape[1] * white.shape[2], white.shape[3])
-            return white if self.coordinates.every is None else np.linalg.qr(white, mode="r")
+            return white if self.coordinates.every is None else np.asarray(np.linalg.qr(white, mode="r"))
 
         return np.concatenate(self.in_parts(part, len(runs)), axis=1)
 

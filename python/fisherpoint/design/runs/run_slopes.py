@@ -46,7 +46,7 @@ def linear_rows(
     along = objective.tangents(base.runs, outputs_alone=False)
     if along.status.any():
         return None
-    # Samples on a clock of their own stay where they are when segments move, up to the last one, also of a run that becomes shorter.
+    # Samples on a clock of their own stay where they are when segments move, up to the last one, also of runs that become shorter.
     counts = None if base.looks is None else base.runs.measured.sum(axis=1)
     samples = int(base.runs.measured.sum(axis=1).max())
     here = _parts(objective, along, base, samples)
@@ -132,7 +132,7 @@ def _by_few_rows(rows: Array, slopes: Array) -> tuple[Array, Array]:
     if m < MANY * p * (1 + d):
         return rows, slopes
     columns = np.concatenate([rows[..., None, :], slopes.transpose(2, 0, 3, 1, 4)], axis=3)
-    few = np.linalg.qr(columns.reshape(plants, runs, m, (1 + d) * p), mode="r").reshape(plants, runs, -1, 1 + d, p)
+    few = np.asarray(np.linalg.qr(columns.reshape(plants, runs, m, (1 + d) * p), mode="r")).reshape(plants, runs, -1, 1 + d, p)
     return np.ascontiguousarray(few[..., 0, :]), np.ascontiguousarray(few[..., 1:, :].transpose(1, 3, 0, 2, 4))
 
 
