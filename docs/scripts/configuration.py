@@ -200,6 +200,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             ' `{ value = 0.2, unit = "kW" }`.',
             "duration": "The longest that a run may last, s.",
             "lead_in": "Segments at the beginning that are not measured.",
+            "sample_every": "The period at which all outputs are measured, whatever the segments are, in s or `{ value = 1, unit ="
+            ' "ms" }`. [Signals](../how_to/signals.md).',
             "samples": "How many samples are chosen of each run; all where it is not given.",
             "rest": "How runs start [at rest](../how_to/runs_at_rest.md), as a table `[runs.rest]`.",
             **MEANINGS["runs"],

@@ -191,6 +191,12 @@ class Change(Constant):
     value: Positive
 
 
+class Period(Constant):
+    """Time from one sample to the next, s: a bare number or ``{value, unit}``."""
+
+    value: Positive
+
+
 class RestTable(Table):
     """How runs start at rest, as `Rest` has it: held inputs, and what else is given or found."""
 
@@ -226,21 +232,30 @@ class RunKeys(Table):
     duration: Positive | None = None
     lead_in: Annotated[int, Field(ge=0)] = 0
     samples: Count | None = None
+    sample_every: Period | None = None
     rest: RestTable | None = None
 
     @model_validator(mode="after")
     def _something_is_measured(self) -> RunKeys:
         if self.lead_in >= self.segments:
             fail(f"runs.lead_in: expected fewer than all {self.segments} segments, given {self.lead_in}")
+        if self.lead_in and self.sample_every is not None:
+            fail(f"runs.lead_in: expected none beside runs.sample_every, given {self.lead_in}")
         return self
 
     def options(self, model: Model) -> dict[str, Any]:
         """Keyword arguments for `RunRegion`."""
         given = self.model_dump(include={"segments", "constant", "shared", "duration", "samples"})
         given["levels"] = {name: [*of.values, of.unit] if of.unit else of.values for name, of in self.levels.items()}
-        given["slew"] = {name: (of.value, of.unit) if of.unit else of.value for name, of in self.slew.items()}
+        given["slew"] = {name: _with_unit(of) for name, of in self.slew.items()}
+        if self.sample_every is not None:
+            given["sample_every"] = _with_unit(self.sample_every)
         rest = None if self.rest is None else self.rest.build(model)
         return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}
+
+
+def _with_unit(given: Constant) -> Any:
+    return (given.value, given.unit) if given.unit else given.value
 
 
 class RuleTable(Table):
