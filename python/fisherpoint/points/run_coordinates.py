@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.quantity import names_of
-from ..basics.values import Array
+from ..basics.values import Array, FrozenMapping
 from ..models import Model
+from .profiles import Clock, Fact, Profile
 from .run_region import RunRegion
 from .runs import Runs
 from .sampling import multiples, sample_counts
@@ -19,6 +22,19 @@ ROUNDING = 1e-9
 
 DECADE = 10.0
 """Bounds of durations that are further apart count logarithmically."""
+
+
+STEP = 1e-6
+"""Step of a number for the slope of a profile."""
+
+
+class OfProfile(NamedTuple):
+    """An input that follows a profile, and where its numbers are."""
+
+    name: str
+    where: slice
+    profile: Profile
+    clock: Clock
 
 
 class RunCoordinates:
@@ -39,19 +55,28 @@ class RunCoordinates:
         self._region, self._model, n = region, model, region.segments
         states, inputs = names_of(model.states), names_of(model.inputs)
         self._places: list[tuple[str, str, slice]] = []  # kind, name, and where its numbers are
+        self.profiles: list[OfProfile] = []
         names: list[str] = []
         stepped: list[int] = []
         for kind, group in (("state", states), ("input", inputs), ("dt", ("dt",))):
-            for name in group:
+            for name in (name for name in group if name not in region.given):
                 lower, upper = region.bounds[name]
                 levels = len(region.levels.get(name, ()))
                 rests = kind == "state" and region.rest is not None and name in region.rest.found(states)
                 if lower == upper or levels == 1 or rests:
                     continue
                 count = n if kind != "state" and name not in region.constant else 1
-                self._places.append((kind, name, slice(len(names), len(names) + count)))
-                names += [name] * count
-                stepped += [levels] * count
+                numbers = [levels] * count
+                profile = region.profile_of(name) if kind == "input" else None
+                if profile is not None:
+                    clock = Clock(n, region.bounds["dt"][0], region.slew.get(name, np.inf) / (upper - lower))
+                    self.profiles.append(
+                        OfProfile(name, slice(len(names), len(names) + len(profile.numbers(clock))), profile, clock)
+                    )
+                    numbers = list(profile.numbers(clock))
+                self._places.append((kind, name, slice(len(names), len(names) + len(numbers))))
+                names += [name] * len(numbers)
+                stepped += numbers
         self.names = tuple(names)
         self.stepped = np.array(stepped, dtype=np.intp)
         self.shared: NDArray[np.bool_] = np.array([name in region.shared for name in names], dtype=bool)
@@ -61,8 +86,9 @@ class RunCoordinates:
 
     @cached_property
     def inputs(self) -> list[tuple[str, slice]]:
-        """Inputs that may change from segment to segment, and where their numbers are."""
-        places = ((name, where) for kind, name, where in self._places if kind == "input")
+        """Inputs with any values from segment to segment, and where their numbers are; those of a profile are in `profiles`."""
+        fixed = {*self._region.constant, *(one.name for one in self.profiles)}
+        places = [(name, where) for kind, name, where in self._places if kind == "input" and name not in fixed]
         return [(name, where) for name, where in places if where.stop - where.start == self._region.segments]
 
     @property
@@ -85,7 +111,41 @@ class RunCoordinates:
                 levels = np.array(self._region.levels.get(name, ()))
                 nearest = (np.argmin(np.abs(levels - value)) + 0.5) / len(levels) if len(levels) else None
                 z[where] = np.clip((value - lower) / (upper - lower), 0.0, 1.0) if nearest is None else nearest
+        return self.still(z)
+
+    def still(self, z: Array) -> Array:
+        """Free numbers (d,) with those of profiles such that inputs are held at the shares of their ranges that stand there."""
+        z = z.copy()
+        for _, where, profile, clock in self.profiles:
+            z[where] = profile.still(float(z[where.start]), clock)
         return z
+
+    def steepness(self, z: Array) -> Array:
+        """By which share of its range an input changes at most, over the change of a number of z (K, d); 1 at least.
+
+        Many turns of a chirp lie between both ends of the range of its frequency.
+        """
+        steep = np.ones(z.shape)
+        for one in self.profiles:
+            own = z[:, one.where]
+            for j in np.flatnonzero(self.stepped[one.where] == 0).tolist():
+                beside = np.repeat(own[None], 2, axis=0)
+                beside[0, :, j], beside[1, :, j] = np.maximum(own[:, j] - STEP, 0.0), np.minimum(own[:, j] + STEP, 1.0)
+                low, high = (one.profile.shares(values, one.clock) for values in beside)
+                slope = np.abs(high - low).max(axis=1) / (beside[1, :, j] - beside[0, :, j])
+                steep[:, one.where.start + j] = np.maximum(1.0, slope)
+        return steep
+
+    def facts(self, z: Array) -> Mapping[str, tuple[Fact, ...]]:
+        """The numbers of profiles of one run (d,), by input, in its unit."""
+        units = {quantity.name: quantity.unit for quantity in self._model.inputs}
+        found: dict[str, tuple[Fact, ...]] = {}
+        for one in self.profiles:
+            lower, upper = self._region.bounds[one.name]
+            ranges = {"level": (lower, upper - lower, units[one.name]), "size": (0.0, upper - lower, units[one.name])}
+            facts = [(fact, *ranges.get(fact.unit, (0.0, 1.0, fact.unit))) for fact in one.profile.facts(z[one.where], one.clock)]
+            found[one.name] = tuple(Fact(fact.name, low + wide * fact.value, unit) for fact, low, wide, unit in facts)
+        return FrozenMapping(found)
 
     @property
     def every(self) -> float | None:
@@ -121,13 +181,18 @@ class RunCoordinates:
             values[name] = np.full((count, 1), one)
         for _, name, where in self._places:
             values[name] = self._value(name, z[:, where])
+        for own in self.profiles:
+            lower, upper = region.bounds[own.name]
+            values[own.name] = np.clip(lower + (upper - lower) * own.profile.shares(z[:, own.where], own.clock), lower, upper)
         x0 = np.column_stack([values[name] for name in names_of(model.states)])
         u = np.empty((*shape, len(model.inputs)))
-        for i, name in enumerate(names_of(model.inputs)):
-            u[:, :, i] = self._slewed(name, np.broadcast_to(values[name], shape))
         dt = np.broadcast_to(values["dt"], shape).copy()
         if region.duration is not None:
             dt = _shortened(dt, region.bounds["dt"][0], region.duration)
+        slow = {one.name for one in self.profiles}  # as they are
+        for i, name in enumerate(names_of(model.inputs)):
+            of = region.given_values(name, dt) if name in region.given else np.broadcast_to(values[name], shape)
+            u[:, :, i] = of if name in slow else self._slewed(name, of)
         measured = np.broadcast_to(np.array(region.measured), shape).copy()
         return Runs(x0, u, dt, measured, rest=region.rest, columns=(*names_of(model.states), *names_of(model.inputs)))
 

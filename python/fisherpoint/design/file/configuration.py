@@ -158,7 +158,8 @@ class Config(ModelFile):
     def _region(self) -> ExperimentRegion | RunRegion | None:
         if self.region is None:
             return None
-        bounds = {axis.name: self.region.bounds[axis.name].pair(axis) for axis in self.build_model().axes}
+        axes = [axis for axis in self.build_model().axes if self.runs is None or axis.name not in self.runs.given]
+        bounds = {axis.name: self.region.bounds[axis.name].pair(axis) for axis in axes}
         if self.runs is None:
             with self._names_key("region"):
                 return ExperimentRegion(bounds, constraints=self.region.constraints)

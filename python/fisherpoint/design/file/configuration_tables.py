@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
+from inspect import signature
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -20,8 +21,10 @@ from ...basics.units import convert_unit, same_zero
 from ...information.local import Local
 from ...models import Model
 from ...noise.models import GaussMarkov, Noise
+from ...points.profiles import PRBS, Held, Profile, Ramps, Spline
 from ...points.rest import Rest
 from ...points.settings import COARSEST, FINEST
+from ...points.sines import Chirp, Multisine
 from ...prior.gaussian import MOST_RELATIVE_STD
 from ...prior.rules import DEFAULT_RULE, RULES, Rule
 from ..goal.goal import Goal
@@ -221,6 +224,57 @@ def _in_units(table: Mapping[str, Constant], quantities: Iterable[Quantity]) -> 
     return {name: convert_unit(entry.value, *known[name]) for name, entry in table.items()}
 
 
+class ProfileTable(Table):
+    """How the values of an input follow from a few numbers, as the class of its kind has it."""
+
+    kind: Literal["held", "ramps", "spline", "multisine", "chirp", "prbs"]
+    knots: Count | None = None
+    harmonics: Count | list[Count] | None = None
+    bandwidth: list[Positive] | None = None
+    crest: Positive | None = None
+    sweep: Literal["linear", "logarithmic"] | None = None
+    order: Count | None = None
+    hold: list[Count] | None = None
+
+    @model_validator(mode="after")
+    def _keys_of_the_kind(self) -> ProfileTable:
+        taken = signature(PROFILES[self.kind]).parameters
+        for key in self.model_dump(exclude={"kind"}, exclude_none=True):
+            if key not in taken:
+                fail(f"{key}: expected only for another kind of profile, given with kind = {toml(self.kind)}")
+        for key in (key for key, of in taken.items() if of.default is of.empty and getattr(self, key) is None):
+            fail(f"{key}: missing, for kind = {toml(self.kind)}")
+        return self
+
+    def build(self) -> Profile:
+        """The profile."""
+        given = self.model_dump(exclude={"kind"}, exclude_none=True)
+        return PROFILES[self.kind](**{key: tuple(of) if isinstance(of, list) else of for key, of in given.items()})
+
+
+PROFILES: Mapping[str, type[Profile]] = {
+    "held": Held,
+    "ramps": Ramps,
+    "spline": Spline,
+    "multisine": Multisine,
+    "chirp": Chirp,
+    "prbs": PRBS,
+}
+
+
+class GivenTable(Abbreviated):
+    """The values of an input that is not designed: a list, one for each segment, or ``{t, values}``."""
+
+    bare, expected = (list,), "a list of numbers, one for each segment, or {t = [...], values = [...]}"
+
+    values: Annotated[list[Number], Field(min_length=1)]
+    t: list[Number] | None = None
+
+    def build(self) -> Any:
+        """The values, or times and values."""
+        return self.values if self.t is None else (self.t, self.values)
+
+
 class RunKeys(Table):
     """Runs of several segments instead of points: how many, of what length, and what of them may vary."""
 
@@ -234,6 +288,8 @@ class RunKeys(Table):
     samples: Count | None = None
     sample_every: Period | None = None
     rest: RestTable | None = None
+    profile: dict[str, ProfileTable] = Field(default_factory=dict)
+    given: dict[str, GivenTable] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _something_is_measured(self) -> RunKeys:
@@ -250,6 +306,8 @@ class RunKeys(Table):
         given["slew"] = {name: _with_unit(of) for name, of in self.slew.items()}
         if self.sample_every is not None:
             given["sample_every"] = _with_unit(self.sample_every)
+        for key, tables in (("profile", self.profile), ("given", self.given)):
+            given[key] = {name: table.build() for name, table in tables.items()}
         rest = None if self.rest is None else self.rest.build(model)
         return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}
 

@@ -13,15 +13,16 @@ Its work is counted in starts and iterations, so that it finds the same on every
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.stop_reason import StopReason
-from ...basics.values import Array
+from ...basics.values import Array, FrozenMapping
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
+from ...points.profiles import Fact
 from ...points.run_coordinates import RunCoordinates
 from ...points.run_region import RunRegion
 from ...points.runs import Runs
@@ -162,6 +163,11 @@ class RunSearch:
     def sampled(self, held: Runs) -> Runs:
         """Runs of held segments as they are sampled."""
         return self.coordinates.sampled(held)[0]
+
+    def signals(self, z: Array) -> Mapping[str, tuple[tuple[Fact, ...], ...]]:
+        """The numbers of profiles of runs (L, d), by input."""
+        each = [self.coordinates.facts(one) for one in z]
+        return FrozenMapping({name: tuple(one[name] for one in each) for name in each[0]})
 
     def _ends(self, held: Runs) -> bool:
         """Whether runs end at the prior mean, at the problem's own tolerance."""

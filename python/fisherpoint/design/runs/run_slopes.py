@@ -54,7 +54,8 @@ def linear_rows(
     run, number = np.nonzero(variable >= 0)
     if not len(run):
         return None
-    inward = np.where(z[run, number] < 0.5, objective.tuning.difference_step, -objective.tuning.difference_step)
+    step = objective.tuning.difference_step / objective.coordinates.steepness(z)[run, number]
+    inward = np.where(z[run, number] < 0.5, step, -step)
 
     def beside(step: Array) -> _RunParts:
         """Parts of runs that each have one number changed by a step."""

@@ -179,6 +179,9 @@ class RunSearchTuning:
     grid_values: int = 7
     """Number of values that a number is set to, from bound to bound."""
 
+    grid_values_of_profiles: int = 25
+    """That of a number of a profile, such as a frequency or a phase."""
+
     most_single_changes: int = 800
     """Maximum number of changes of one number; a random choice where there were more."""
 
