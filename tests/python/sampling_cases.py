@@ -15,15 +15,15 @@ THETA = {"J": 0.05, "b": 0.1, "F": 0.3}
 PRIOR = fp.GaussianPrior(THETA, relative_std=dict.fromkeys(THETA, 0.1))
 
 
-def joint(torque: str = "u", **changes: Any) -> fp.SymbolicModel:
-    """J dw = u - b w - F sign(w), with the torque u by some text."""
+def joint(torque: str = "u", friction: str = "sign(w)", **changes: Any) -> fp.SymbolicModel:
+    """J dw = u - b w - F sign(w), with the torque and the direction of the friction by some texts."""
     given = {
         "states": {"q": "rad", "w": "rad/s"},
         "inputs": {"u": "N m"},
         "outputs": {"q": "rad"},
         "parameters": {"J": "kg m2", "b": "N m s/rad", "F": "N m"},
     }
-    return fp.SymbolicModel(f=["w", f"({torque} - b*w - F*sign(w))/J"], g=["q"], **(given | changes))  # type: ignore[arg-type]
+    return fp.SymbolicModel(f=["w", f"({torque} - b*w - F*{friction})/J"], g=["q"], **(given | changes))  # type: ignore[arg-type]
 
 
 def region(segments: int = 50, **changes: Any) -> fp.RunRegion:

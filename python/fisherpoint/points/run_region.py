@@ -26,6 +26,7 @@ from ..basics.units import converted
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from .bounds import in_units_of, pair_or_number, read_bounds, split_unit, units_in, with_units
+from .profile_kinds import PROFILES
 from .profiles import Clock, Held, Profile
 from .region import refuse_fixed_on_surface
 from .rest import Rest
@@ -163,7 +164,9 @@ class RunRegion:
         clock = Clock(self.segments, lower)
 
         def checked(profile: Profile, label: str) -> Profile:
-            check_type(profile, Profile, label)
+            if not isinstance(profile, tuple(PROFILES.values())):
+                kinds = ", ".join(kind.__name__ for kind in PROFILES.values())
+                raise TypeError(f"{label}: expected one of {kinds}, given {type(profile).__name__}")
             if profile != Held() and lower < upper:
                 raise ValueError(f"{label}: expected one value of region['dt'], the actuator's clock, given {lower:g} to {upper:g}")
             try:

@@ -146,7 +146,7 @@ class Multisine(_Swings):
 
     def _crest(self, amplitudes: Array, phases: Array) -> Array:
         """Crest factors (K,) of a whole period; 0 where there is no signal."""
-        turns = np.arange(16 * int(self.orders.max())) / (16 * self.orders.max())
+        turns = np.arange(32 * int(self.orders.max())) / (32 * self.orders.max())
         x = (amplitudes[:, :, None] * np.cos(TURN * self.orders[:, None] * turns + phases[:, :, None])).sum(axis=1)
         mean_square = np.square(x).mean(axis=1)
         return np.asarray(np.abs(x).max(axis=1) / np.sqrt(np.where(mean_square > 1e-24, mean_square, np.inf)))

@@ -21,10 +21,10 @@ from ...basics.units import convert_unit, same_zero
 from ...information.local import Local
 from ...models import Model
 from ...noise.models import GaussMarkov, Noise
-from ...points.profiles import PRBS, Held, Profile, Ramps, Spline
+from ...points.profile_kinds import PROFILES
+from ...points.profiles import Profile
 from ...points.rest import Rest
 from ...points.settings import COARSEST, FINEST
-from ...points.sines import Chirp, Multisine
 from ...prior.gaussian import MOST_RELATIVE_STD
 from ...prior.rules import DEFAULT_RULE, RULES, Rule
 from ..goal.goal import Goal
@@ -250,16 +250,6 @@ class ProfileTable(Table):
         """The profile."""
         given = self.model_dump(exclude={"kind"}, exclude_none=True)
         return PROFILES[self.kind](**{key: tuple(of) if isinstance(of, list) else of for key, of in given.items()})
-
-
-PROFILES: Mapping[str, type[Profile]] = {
-    "held": Held,
-    "ramps": Ramps,
-    "spline": Spline,
-    "multisine": Multisine,
-    "chirp": Chirp,
-    "prbs": PRBS,
-}
 
 
 class GivenTable(Abbreviated):
