@@ -205,8 +205,6 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "samples": "How many samples are chosen of each run; all where it is not given.",
             "rest": "How runs start [at rest](../how_to/runs_at_rest.md), as a table `[runs.rest]`.",
             "profile": "How the values of an input follow from a few numbers, as a table `[runs.profile.NAME]` for each.",
-            "given": "Inputs that are not designed, which then have no bounds: by name a list of values, one for each segment, or"
-            " `{ t = [0, 10], values = [20, 25] }`, values at times from the start, s.",
             **MEANINGS["runs"],
         },
     ),
@@ -215,7 +213,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
         " [Signals](../how_to/signals.md#classical-excitations).",
         '[runs.profile.u]\nkind = "multisine"\nharmonics = 5\nbandwidth = [0.5, 10]\n',
         {
-            "kind": 'Which one. With "held", the default, every segment has a number of its own.',
+            "kind": 'Which one. With "held", the default, every segment has a number of its own. With "given" the input is not'
+            " designed, and has no bounds in `[region]`.",
             "knots": 'Number of knots of "ramps", and of coefficients of a "spline".',
             "harmonics": 'How many a "multisine" has, or which, as `[1, 3, 5]`.',
             "bandwidth": 'The lowest and the highest frequency of a "multisine" or "chirp", Hz.',
@@ -223,6 +222,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "sweep": 'How the frequency of a "chirp" moves.',
             "order": 'Length of the shift register of a "prbs".',
             "hold": 'The fewest and the most segments for which a bit of a "prbs" is held.',
+            "values": 'What is "given": a value for each segment, or at times, in the model\'s unit.',
+            "t": "These times from the start of a run, s.",
         },
     ),
     "runs.rest": (

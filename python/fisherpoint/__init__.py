@@ -56,7 +56,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .points.constraints import Constraint
     from .points.experiments import Experiments
     from .points.predictive import PredictiveCovariance, predictive_covariance
-    from .points.profiles import PRBS, Held, Profile, Ramps, Spline
+    from .points.profiles import PRBS, Given, Held, Ramps, Spline
     from .points.region import ExperimentRegion
     from .points.rest import Rest
     from .points.run_region import RunRegion
@@ -94,6 +94,7 @@ __all__ = [
     "GaussHermite",
     "GaussMarkov",
     "GaussianPrior",
+    "Given",
     "Goal",
     "Held",
     "HydraulicCylinder",
@@ -108,7 +109,6 @@ __all__ = [
     "PieceDesign",
     "Pieces",
     "PredictiveCovariance",
-    "Profile",
     "Progress",
     "Quantity",
     "Ramps",
@@ -213,7 +213,7 @@ _PLACES = {
     ".points.constraints": ("Constraint",),
     ".points.experiments": ("Experiments",),
     ".points.predictive": ("PredictiveCovariance", "predictive_covariance"),
-    ".points.profiles": ("PRBS", "Held", "Profile", "Ramps", "Spline"),
+    ".points.profiles": ("PRBS", "Given", "Held", "Ramps", "Spline"),
     ".points.region": ("ExperimentRegion",),
     ".points.rest": ("Rest",),
     ".points.run_region": ("RunRegion",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -92,11 +93,10 @@ def rows_at(objective: Any, z: Any, counts: Any) -> Any:
 
 @pytest.mark.parametrize("changes", [{}, FREE, FREE | {"duration": 0.09}, {"bounds": {"dt": (0.015, 0.025)}, "constant": ("dt",)}])
 @pytest.mark.parametrize("few", [False, True])
-def test_slopes_are_those_of_samples_that_stay(changes: Any, few: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slopes_are_those_of_samples_that_stay(changes: Any, few: bool) -> None:
     """Switches move, samples stay; by many times the step between samples the number of fine segments differs, too."""
-    if not few:
-        monkeypatch.setattr("fisherpoint.design.runs.run_slopes.MANY", np.inf)
     objective = objective_of(problem(region(5, **changes)))
+    objective.tuning = replace(objective.tuning, many_samples=2.0 if few else np.inf)
     z = np.random.default_rng(3).uniform(0.2, 0.8, (1, len(objective.coordinates)))
     z[:, -1] = 0.5
     linear = linear_rows(objective, z, None, True, np.random.default_rng(0))

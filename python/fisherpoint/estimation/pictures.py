@@ -221,7 +221,9 @@ def plot_time(fit: FitStatistics) -> Figure:
             return nothing_drawn("Over time: there is no record or run among the data")
         paths = [None if run is None else _between_samples(fit, run, rows.start) for _, rows, run in series]
         times = [
-            None if run is None else RunTime((held := holds_of(run).dt[0])[held > 0], path if run.segments[0] == 1 else None)
+            None
+            if run is None
+            else RunTime((held := holds_of(run.u, run.dt, run.measured).dt[0])[held > 0], path if run.segments[0] == 1 else None)
             for (_, _, run), path in zip(series, paths, strict=True)
         ]
         width = max(7.2 / len(series), 4.6, *(time.width for time in times if time))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
-from .profiles import Clock, Fact, Profile
+from .profiles import ActuatorClock, Fact, InputProfile
 from .run_region import RunRegion
 from .runs import Runs
 from .sampling import multiples, sample_counts
@@ -33,8 +33,8 @@ class OfProfile(NamedTuple):
 
     name: str
     where: slice
-    profile: Profile
-    clock: Clock
+    profile: InputProfile
+    clock: ActuatorClock
 
 
 class RunCoordinates:
@@ -69,7 +69,7 @@ class RunCoordinates:
                 numbers = [levels] * count
                 profile = region.profile_of(name) if kind == "input" else None
                 if profile is not None:
-                    clock = Clock(n, region.bounds["dt"][0], region.slew.get(name, np.inf) / (upper - lower))
+                    clock = ActuatorClock(n, region.bounds["dt"][0], region.slew.get(name, np.inf) / (upper - lower))
                     self.profiles.append(
                         OfProfile(name, slice(len(names), len(names) + len(profile.numbers(clock))), profile, clock)
                     )
@@ -191,7 +191,7 @@ class RunCoordinates:
             dt = _shortened(dt, region.bounds["dt"][0], region.duration)
         slow = {one.name for one in self.profiles}  # as they are
         for i, name in enumerate(names_of(model.inputs)):
-            of = region.given_values(name, dt) if name in region.given else np.broadcast_to(values[name], shape)
+            of = region.given[name].held(dt) if name in region.given else np.broadcast_to(values[name], shape)
             u[:, :, i] = of if name in slow else self._slewed(name, of)
         measured = np.broadcast_to(np.array(region.measured), shape).copy()
         return Runs(x0, u, dt, measured, rest=region.rest, columns=(*names_of(model.states), *names_of(model.inputs)))

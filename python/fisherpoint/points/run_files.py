@@ -55,7 +55,11 @@ def runs_csv(
 ) -> str:
     """The text of a file of runs, see `Runs.to_csv`, with columns of outputs (K, N), and of labels of the runs, behind."""
     columns, rests, n_x, n_u = runs.columns, runs.rests, runs.x0.shape[1], runs.u.shape[2]
-    held = Holds(runs.u, runs.dt, runs.measured, np.full(len(runs.dt), np.nan)) if outputs else holds_of(runs)
+    held = (
+        Holds(runs.u, runs.dt, runs.measured, np.full(len(runs.dt), np.nan))
+        if outputs
+        else holds_of(runs.u, runs.dt, runs.measured)
+    )
     if model is not None:
         check_type(model, Model, "model")
         check_alike([(len(model.states), len(model.inputs)), (n_x, n_u)], "states and inputs", "model")
@@ -260,7 +264,7 @@ def plan_csv(runs: RunArrays, model: Model) -> str:
     rounding of sums: the table is for people and sequencers, and nothing reads it back.
     """
     timed = (Quantity(time_name(names_of(model.inputs)), "s"), *model.inputs)
-    of, often = holds_of(runs), f"{EVERY.name} [{EVERY.unit}]"
+    of, often = holds_of(runs.u, runs.dt, runs.measured), f"{EVERY.name} [{EVERY.unit}]"
     periodic = not np.isnan(of.every).all()
     header = (RUN.name, *(q.name if q.unit in ("", "1") else f"{q.name} [{q.unit}]" for q in timed), "measure")
     header = (*header, often) if periodic else header

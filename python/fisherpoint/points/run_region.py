@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from ..basics.checks import (
     as_floats,
-    as_floats_of_shape,
     as_positive,
     by_name,
     check_known,
@@ -23,18 +22,18 @@ from ..basics.checks import (
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.units import converted
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import FrozenMapping
 from ..models import Model
 from .bounds import in_units_of, pair_or_number, read_bounds, split_unit, units_in, with_units
 from .profile_kinds import PROFILES
-from .profiles import Clock, Held, Profile
+from .profiles import ActuatorClock, Given, Held, InputProfile
 from .region import refuse_fixed_on_surface
 from .rest import Rest
 from .run_checks import as_flags, as_period, check_period
 
 MOST_SEGMENTS = 10_000
 
-_OPTIONS = ("constant", "shared", "levels", "slew", "duration", "measured", "samples", "rest", "sample_every", "profile", "given")
+_OPTIONS = ("constant", "shared", "levels", "slew", "duration", "measured", "samples", "rest", "sample_every", "profile")
 
 
 class RunRegion:
@@ -70,12 +69,10 @@ class RunRegion:
     sample_every : float, or (float, unit), optional
         The period at which all outputs are measured instead, s: at all of its multiples up to the end of a run, whatever the
         segments are.
-    profile : Profile, or mapping of input to Profile, optional
+    profile : InputProfile, or mapping of input to InputProfile, optional
         How the values of all inputs, or of some, follow from a few numbers: `Ramps`, `Spline`, `Multisine`, `Chirp` or `PRBS`;
         `Held` is the default, a number for each segment. The bounds of ``"dt"`` must be one value then, the actuator's clock.
-    given : mapping of input to array_like, (N,), or to (t, values), optional
-        Inputs that are not designed, SI units, such as a load cycle, and have no bounds: a value for each segment, or values at
-        times from the start, s, between which lines are taken at the start of each segment.
+        Inputs that are `Given` are not designed, and have no bounds.
 
     Raises
     ------
@@ -101,8 +98,7 @@ class RunRegion:
         samples: int | None = None,
         rest: Rest | None = None,
         sample_every: Any = None,
-        profile: Profile | Mapping[str, Profile] | None = None,
-        given: Mapping[str, Any] | None = None,
+        profile: InputProfile | Mapping[str, InputProfile] | None = None,
     ) -> None:
         self.bounds: Mapping[str, tuple[float, float]]
         self.units: Mapping[str, str]
@@ -140,9 +136,6 @@ class RunRegion:
         self.samples = None if samples is None else check_positive_int(samples, "samples", most=int(flags.sum()))
         self.sample_every = None if sample_every is None else self._period(sample_every)
         self.profile = self._profiles(profile, names)
-        self.given: Mapping[str, Any] = by_name(given, None, "given", self._given)
-        for name in (name for name in self.given if name in names):
-            raise ValueError(f"given[{name!r}]: expected no bounds of an input that is given, given some in the region")
 
     def _period(self, given: Any) -> float:
         if isinstance(given, Mapping):
@@ -156,61 +149,55 @@ class RunRegion:
         check_period(every, self.segments * self.bounds["dt"][0], self.longest, "sample_every")
         return every
 
-    def _profiles(self, given: Any, names: tuple[str, ...]) -> Profile | Mapping[str, Profile] | None:
+    def _profiles(self, given: Any, names: tuple[str, ...]) -> InputProfile | Mapping[str, InputProfile] | None:
         """Profiles that are not `Held`, each of which has room on the clock."""
         if given is None or given == Held():
             return None
-        lower, upper = self.bounds["dt"]
-        clock = Clock(self.segments, lower)
-
-        def checked(profile: Profile, label: str) -> Profile:
-            if not isinstance(profile, tuple(PROFILES.values())):
-                kinds = ", ".join(kind.__name__ for kind in PROFILES.values())
-                raise TypeError(f"{label}: expected one of {kinds}, given {type(profile).__name__}")
-            if profile != Held() and lower < upper:
-                raise ValueError(f"{label}: expected one value of region['dt'], the actuator's clock, given {lower:g} to {upper:g}")
-            try:
-                profile.check(clock)
-            except ValueError as error:
-                raise ValueError(f"{label}.{error}") from error
-            return profile
-
         if not isinstance(given, Mapping):
-            return checked(given, "profile")
-        profiles: Mapping[str, Profile] = by_name(given, names, "profile", checked)
-        for name in (name for name in profiles if profiles[name] != Held()):
+            if isinstance(given, Given):
+                raise ValueError("profile: expected a mapping of input to what is given, given it for all inputs")
+            return self._profile(given, "profile")
+        profiles: Mapping[str, InputProfile] = by_name(given, None, "profile", self._profile)
+        for name, profile in profiles.items():
+            if isinstance(profile, Given) == (name in names):
+                expected = (
+                    "no bounds in the region of an input that is given"
+                    if name in names
+                    else "bounds in the region, or Given values"
+                )
+                raise ValueError(f"profile[{name!r}]: expected {expected}, given {'some' if name in names else 'none'}")
             for label, others in (("constant", self.constant), ("levels", self.levels)):
-                if name in others:
+                if profile != Held() and name in others:
                     raise ValueError(f"{label}: expected no input with a profile, given {name!r}")
         return FrozenMapping({name: profile for name, profile in profiles.items() if profile != Held()}) or None
 
-    def profile_of(self, name: str) -> Profile | None:
+    def _profile(self, profile: Any, label: str) -> InputProfile:
+        if not isinstance(profile, InputProfile):
+            kinds = ", ".join(kind.__name__ for kind in PROFILES.values())
+            raise TypeError(f"{label}: expected one of {kinds}, given {type(profile).__name__}")
+        lower, upper = self.bounds["dt"]
+        try:
+            if isinstance(profile, Given):
+                profile.check_time(self.segments, self.longest - lower)
+            elif profile != Held():
+                profile.check(ActuatorClock(self.segments, lower))
+        except ValueError as error:
+            raise ValueError(f"{label}.{error}") from error
+        if lower < upper and not isinstance(profile, Given | Held):
+            raise ValueError(f"{label}: expected one value of region['dt'], the actuator's clock, given {lower:g} to {upper:g}")
+        return profile
+
+    @property
+    def given(self) -> Mapping[str, Given]:
+        """Inputs that are not designed, and their values."""
+        profiles = self.profile if isinstance(self.profile, Mapping) else {}
+        return {name: profile for name, profile in profiles.items() if isinstance(profile, Given)}
+
+    def profile_of(self, name: str) -> InputProfile | None:
         """The profile of an input; None where any values are held."""
         if self.profile is None or name in self.constant or name in self.levels:
             return None
         return self.profile.get(name) if isinstance(self.profile, Mapping) else self.profile
-
-    def _given(self, values: Any, label: str) -> tuple[Any, ...]:
-        """Values of segments, or times and values."""
-        timed = isinstance(values, tuple | list) and len(values) == 2 and np.ndim(values[0]) == 1
-        if not timed:
-            return tuple(as_floats_of_shape(values, (self.segments,), label).tolist())
-        t, of = as_floats(values[0], label), as_floats(values[1], label)
-        if t.shape != of.shape or not len(t) or (np.diff(t) <= 0).any():
-            raise ValueError(f"{label}: expected increasing times and as many values, given {shown(values)}")
-        last = self.longest - self.bounds["dt"][0]
-        if t[0] > 0 or t[-1] < last * (1 - 1e-9):
-            raise ValueError(
-                f"{label}: expected times from 0 to the start of the last segment, {last:g}, given {t[0]:g} to {t[-1]:g}"
-            )
-        return tuple(t.tolist()), tuple(of.tolist())
-
-    def given_values(self, name: str, dt: Array) -> Array:
-        """Values of an input that is given, in segments with durations dt (K, N)."""
-        values = self.given[name]
-        if not isinstance(values[0], tuple):
-            return np.broadcast_to(np.array(values), dt.shape)
-        return np.asarray(np.interp(np.cumsum(dt, axis=1) - dt, *values))
 
     @property
     def longest(self) -> float:
@@ -230,7 +217,7 @@ class RunRegion:
         if not model.states:
             raise ValueError(f"model: expected one with states for runs, given {model.name}")
         inputs, states = names_of(model.inputs), names_of(model.states)
-        check_known(self.given, inputs, "given")
+        check_known(self.given, inputs, "profile")
         check_names(self.bounds, [name for name in names_of(model.axes) if name not in self.given], "region")
         for label, given, known in (
             ("constant", self.constant, (*inputs, "dt")),

@@ -7,7 +7,7 @@ again from the parts: files and reports have these, as an operator programs them
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,14 +94,6 @@ def sample_counts(dt: Array, every: float) -> NDArray[np.intp]:
     return np.asarray(np.floor(dt.sum(axis=1) / every * (1 + 4 * np.finfo(float).eps) + SAME), dtype=np.intp)
 
 
-class RunParts(Protocol):
-    """What runs consist of; they stand above this module."""
-
-    u: Array
-    dt: Array
-    measured: NDArray[np.bool_]
-
-
 class Holds(NamedTuple):
     """Runs as they are programmed: u (K, N, n_u), dt (K, N), measured (K, N), and the period (K,) at which each is sampled.
 
@@ -114,24 +106,22 @@ class Holds(NamedTuple):
     every: Array
 
 
-def holds_of(runs: RunParts) -> Holds:
+def holds_of(u: Array, dt: Array, measured: NDArray[np.bool_]) -> Holds:
     """Densely sampled runs by what they hold, and others as they are."""
-    every, parts = np.full(len(runs.dt), np.nan), []
-    for k, n in enumerate(np.count_nonzero(runs.dt, axis=1).tolist()):
-        u, dt, measured = runs.u[k, :n], runs.dt[k, :n], runs.measured[k, :n]
-        last = np.append((np.diff(u, axis=0) != 0).any(axis=1), True)
-        period = _period(dt, measured) if measured.sum() >= DENSE * last.sum() else None
+    every, parts = np.full(len(dt), np.nan), []
+    for k, n in enumerate(np.count_nonzero(dt, axis=1).tolist()):
+        held, durations, flags = u[k, :n], dt[k, :n], measured[k, :n]
+        last = np.append((np.diff(held, axis=0) != 0).any(axis=1), True)
+        period = _period(durations, flags) if flags.sum() >= DENSE * last.sum() else None
         if period is not None:
             every[k] = period
-            first = np.flatnonzero(np.append(True, last[:-1]))
-            ends = np.cumsum(dt)[last]
-            whole = np.diff(np.rint(ends / period), prepend=0.0)
-            held = np.diff(ends, prepend=0.0)
-            near = np.abs(held - whole * period) <= SAME * period  # without the rounding of sums
-            held = np.where(near, [float(f"{one:.12g}") for one in whole * period], held)
-            u, dt, measured = u[first], held, measured[last]
-        parts.append((u, dt, measured))
-    return Holds(*(segments_of(parts) if parts else (runs.u, runs.dt, runs.measured)), every)
+            ends = np.cumsum(durations)[last]
+            whole, durations = np.diff(np.rint(ends / period), prepend=0.0), np.diff(ends, prepend=0.0)
+            near = np.abs(durations - whole * period) <= SAME * period  # without the rounding of sums
+            durations = np.where(near, [float(f"{one:.12g}") for one in whole * period], durations)
+            held, flags = held[last], flags[last]
+        parts.append((held, durations, flags))
+    return Holds(*(segments_of(parts) if parts else (u, dt, measured)), every)
 
 
 def segments_of(parts: Sequence[tuple[Array, Array, NDArray[np.bool_]]]) -> tuple[Array, Array, NDArray[np.bool_]]:

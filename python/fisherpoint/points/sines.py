@@ -15,7 +15,7 @@ import numpy as np
 from ..basics.checks import as_positive, check_choice, check_positive_int
 from ..basics.messages import shown
 from ..basics.values import Array, IntArray
-from .profiles import Clock, Fact, Profile, pair_of, slowing
+from .profiles import ActuatorClock, Fact, InputProfile, pair_of, slowing
 
 PER_PERIOD = 8
 """Segments of the shortest period by default."""
@@ -24,7 +24,7 @@ TURN = 2 * np.pi
 
 
 @dataclass(frozen=True)
-class _Swings(Profile):
+class _Swings(InputProfile):
     """A signal about an offset; its first number is that."""
 
     bandwidth: tuple[float, float] | None = None
@@ -34,26 +34,26 @@ class _Swings(Profile):
             least, most = pair_of(self.bandwidth, "bandwidth", lambda one: as_positive(one, "bandwidth", "frequency in Hz"))
             object.__setattr__(self, "bandwidth", (least, most))
 
-    def band(self, clock: Clock) -> tuple[float, float]:
+    def band(self, clock: ActuatorClock) -> tuple[float, float]:
         """The lowest and the highest frequency, Hz."""
         return self.bandwidth or (1 / clock.duration, max(1 / clock.duration, 1 / (PER_PERIOD * clock.dt)))
 
-    def check(self, clock: Clock) -> None:
+    def check(self, clock: ActuatorClock) -> None:
         (_, high), most = self.band(clock), 0.5 / clock.dt
         if high > most * (1 + 1e-9):
             raise ValueError(f"bandwidth: expected frequencies up to {most:g} Hz, half of the actuator's, given {high:g}")
 
-    def swing(self, z: Array, clock: Clock) -> Array:
+    def swing(self, z: Array, clock: ActuatorClock) -> Array:
         """The signal (K, n) about its offset; from -1 to 1 it fits between the offset and the nearer bound."""
         raise NotImplementedError
 
-    def size(self, z: Array, swing: Array, clock: Clock) -> Array:
+    def size(self, z: Array, swing: Array, clock: ActuatorClock) -> Array:
         """By how much of the range the signal moves the input, (K, 1), where it is 1."""
         room = np.minimum(z[:, :1], 1 - z[:, :1])
         size = room / np.maximum(1.0, np.abs(swing).max(axis=1, keepdims=True))
         return np.asarray(size * slowing(size * swing, clock))
 
-    def shares(self, z: Array, clock: Clock) -> Array:
+    def shares(self, z: Array, clock: ActuatorClock) -> Array:
         swing = self.swing(z, clock)
         return np.asarray(np.clip(z[:, :1] + self.size(z, swing, clock) * swing, 0.0, 1.0))
 
@@ -106,21 +106,21 @@ class Multisine(_Swings):
         """Which harmonics there are, (m,)."""
         return np.array(range(1, self.harmonics + 1) if isinstance(self.harmonics, int) else self.harmonics, dtype=np.int32)
 
-    def _fundamental(self, clock: Clock) -> tuple[float, float]:
+    def _fundamental(self, clock: ActuatorClock) -> tuple[float, float]:
         low, high = self.band(clock)
         return low / self.orders.min(), high / self.orders.max()
 
-    def check(self, clock: Clock) -> None:
+    def check(self, clock: ActuatorClock) -> None:
         super().check(clock)
         low, high = self._fundamental(clock)
         if low > high * (1 + 1e-9):
             (least, most), first, last = self.band(clock), self.orders.min(), self.orders.max()
             raise ValueError(f"bandwidth: expected room for harmonics {first} to {last}, given {least:g} to {most:g} Hz")
 
-    def numbers(self, clock: Clock) -> tuple[int, ...]:
+    def numbers(self, clock: ActuatorClock) -> tuple[int, ...]:
         return (0,) * (2 + 2 * len(self.orders))
 
-    def _frequency(self, z: Array, clock: Clock) -> Array:
+    def _frequency(self, z: Array, clock: ActuatorClock) -> Array:
         low, high = self._fundamental(clock)
         return np.asarray(low * (max(high, low) / low) ** z[:, 1])
 
@@ -151,23 +151,23 @@ class Multisine(_Swings):
         mean_square = np.square(x).mean(axis=1)
         return np.asarray(np.abs(x).max(axis=1) / np.sqrt(np.where(mean_square > 1e-24, mean_square, np.inf)))
 
-    def swing(self, z: Array, clock: Clock) -> Array:
+    def swing(self, z: Array, clock: ActuatorClock) -> Array:
         amplitudes, phases = self._parts(z)
         turns = (self._frequency(z, clock)[:, None] * self.orders)[:, :, None] * clock.t
         return np.asarray((amplitudes[:, :, None] * np.cos(TURN * turns + phases[:, :, None])).sum(axis=1))
 
-    def drawn(self, rng: np.random.Generator, clock: Clock, middle: float) -> Array:
+    def drawn(self, rng: np.random.Generator, clock: ActuatorClock, middle: float) -> Array:
         m = len(self.orders)
         amplitudes = (np.ones(m), self.orders.min() / self.orders, rng.random(m))[int(rng.integers(3))]
         phases = _schroeder(m) / TURN % 1.0 if rng.random() < 0.25 else rng.random(m)
         size = rng.choice([1.0, rng.uniform(0.3, 1.0)])
         return np.concatenate([[self.offset(rng, middle), rng.random()], size * amplitudes, phases])
 
-    def still(self, share: float, clock: Clock) -> Array:
+    def still(self, share: float, clock: ActuatorClock) -> Array:
         m = len(self.orders)
         return np.concatenate([[share, 0.5], np.zeros(m), np.full(m, 0.5)])
 
-    def facts(self, z: Array, clock: Clock) -> list[Fact]:
+    def facts(self, z: Array, clock: ActuatorClock) -> list[Fact]:
         z = z[None]
         size, (amplitudes, phases) = float(self.size(z, self.swing(z, clock), clock)[0, 0]), self._parts(z)
         found = [Fact("offset", float(z[0, 0]), "level")]
@@ -205,14 +205,14 @@ class Chirp(_Swings):
         self._check_bandwidth()
         check_choice(self.sweep, ("linear", "logarithmic"), "sweep")
 
-    def numbers(self, clock: Clock) -> tuple[int, ...]:
+    def numbers(self, clock: ActuatorClock) -> tuple[int, ...]:
         return (0,) * 5
 
-    def _frequencies(self, z: Array, clock: Clock) -> Array:
+    def _frequencies(self, z: Array, clock: ActuatorClock) -> Array:
         low, high = self.band(clock)
         return np.asarray(low * (high / low) ** z[:, 1:3])
 
-    def swing(self, z: Array, clock: Clock) -> Array:
+    def swing(self, z: Array, clock: ActuatorClock) -> Array:
         first, last = self._frequencies(z, clock)[:, :, None].swapaxes(0, 1)
         share = clock.t / clock.duration
         if self.sweep == "linear":
@@ -222,13 +222,13 @@ class Chirp(_Swings):
             turns = first * share * _mean_growth(rate * share)
         return np.asarray(z[:, 3:4] * np.sin(TURN * (clock.duration * turns + z[:, 4:5])))
 
-    def drawn(self, rng: np.random.Generator, clock: Clock, middle: float) -> Array:
+    def drawn(self, rng: np.random.Generator, clock: ActuatorClock, middle: float) -> Array:
         return np.array([self.offset(rng, middle), *rng.random(2), rng.choice([1.0, rng.uniform(0.3, 1.0)]), rng.random()])
 
-    def still(self, share: float, clock: Clock) -> Array:
+    def still(self, share: float, clock: ActuatorClock) -> Array:
         return np.array([share, 0.5, 0.5, 0.0, 0.5])
 
-    def facts(self, z: Array, clock: Clock) -> list[Fact]:
+    def facts(self, z: Array, clock: ActuatorClock) -> list[Fact]:
         z = z[None]
         size = float(self.size(z, self.swing(z, clock), clock)[0, 0])
         first, last = self._frequencies(z, clock)[0].tolist()

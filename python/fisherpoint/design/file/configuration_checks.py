@@ -69,8 +69,8 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         yield 'design.output_covariance: expected a table [noise] with "noise", given none'
     runs = tables.get("runs")
     yield from _wrong_bounds(tables.get("region"), model, () if runs is None else runs.given)
-    for key in ("profile", "given") if runs is not None else ():
-        yield from wrong_names(f"runs.{key}", getattr(runs, key), names_of(model.inputs))
+    if runs is not None:
+        yield from wrong_names("runs.profile", runs.profile, names_of(model.inputs))
     if runs is not None and runs.rest is not None:
         yield from wrong_names("runs.rest.u", runs.rest.u, names_of(model.inputs))
         if not (runs.rest.hold or runs.rest.outputs or runs.rest.solve):  # of a rest under control, `Rest` says what is missing

@@ -22,7 +22,7 @@ from ...information.local import Local
 from ...models import Model
 from ...noise.models import GaussMarkov, Noise
 from ...points.profile_kinds import PROFILES
-from ...points.profiles import Profile
+from ...points.profiles import InputProfile
 from ...points.rest import Rest
 from ...points.settings import COARSEST, FINEST
 from ...prior.gaussian import MOST_RELATIVE_STD
@@ -227,7 +227,7 @@ def _in_units(table: Mapping[str, Constant], quantities: Iterable[Quantity]) -> 
 class ProfileTable(Table):
     """How the values of an input follow from a few numbers, as the class of its kind has it."""
 
-    kind: Literal["held", "ramps", "spline", "multisine", "chirp", "prbs"]
+    kind: Literal["held", "ramps", "spline", "multisine", "chirp", "prbs", "given"]
     knots: Count | None = None
     harmonics: Count | list[Count] | None = None
     bandwidth: list[Positive] | None = None
@@ -235,6 +235,8 @@ class ProfileTable(Table):
     sweep: Literal["linear", "logarithmic"] | None = None
     order: Count | None = None
     hold: list[Count] | None = None
+    values: list[Number] | None = None
+    t: list[Number] | None = None
 
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> ProfileTable:
@@ -246,23 +248,10 @@ class ProfileTable(Table):
             fail(f"{key}: missing, for kind = {toml(self.kind)}")
         return self
 
-    def build(self) -> Profile:
+    def build(self) -> InputProfile:
         """The profile."""
         given = self.model_dump(exclude={"kind"}, exclude_none=True)
         return PROFILES[self.kind](**{key: tuple(of) if isinstance(of, list) else of for key, of in given.items()})
-
-
-class GivenTable(Abbreviated):
-    """The values of an input that is not designed: a list, one for each segment, or ``{t, values}``."""
-
-    bare, expected = (list,), "a list of numbers, one for each segment, or {t = [...], values = [...]}"
-
-    values: Annotated[list[Number], Field(min_length=1)]
-    t: list[Number] | None = None
-
-    def build(self) -> Any:
-        """The values, or times and values."""
-        return self.values if self.t is None else (self.t, self.values)
 
 
 class RunKeys(Table):
@@ -279,7 +268,11 @@ class RunKeys(Table):
     sample_every: Period | None = None
     rest: RestTable | None = None
     profile: dict[str, ProfileTable] = Field(default_factory=dict)
-    given: dict[str, GivenTable] = Field(default_factory=dict)
+
+    @property
+    def given(self) -> list[str]:
+        """Inputs that are not designed."""
+        return [name for name, table in self.profile.items() if table.kind == "given"]
 
     @model_validator(mode="after")
     def _something_is_measured(self) -> RunKeys:
@@ -296,8 +289,7 @@ class RunKeys(Table):
         given["slew"] = {name: _with_unit(of) for name, of in self.slew.items()}
         if self.sample_every is not None:
             given["sample_every"] = _with_unit(self.sample_every)
-        for key, tables in (("profile", self.profile), ("given", self.given)):
-            given[key] = {name: table.build() for name, table in tables.items()}
+        given["profile"] = {name: table.build() for name, table in self.profile.items()}
         rest = None if self.rest is None else self.rest.build(model)
         return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}
 

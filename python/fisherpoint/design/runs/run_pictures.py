@@ -42,7 +42,7 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
     spread, reached = plants.outputs(fine)
     limits = {name: values for name, values in limits_of(problem).items() if name in names_of(model.outputs)}
     rows, columns = len(model.inputs) + len(model.outputs), len(shown)
-    of = holds_of(shown)
+    of = holds_of(shown.u, shown.dt, shown.measured)
     times = [RunTime(dt[dt > 0], y if shown.dt.shape[1] == 1 else None) for dt, y in zip(of.dt, mean.y, strict=True)]
     width = max(4.2, *(time.width for time in times))
     with mpl.rc_context(STYLE):

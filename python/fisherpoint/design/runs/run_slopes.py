@@ -21,9 +21,6 @@ from .linear_rows import LinearRows
 from .run_objective import RunObjective
 from .tried_runs import TriedRuns
 
-MANY = 2
-"""Samples over what they and their slopes can span, from which on they are replaced by as many as that."""
-
 
 class _RunParts(NamedTuple):
     """Parts of K runs on R plants: rows (R, K, m, p), distances (R, K, c), and which runs reach their ends on all plants."""
@@ -91,7 +88,7 @@ def linear_rows(
         better = far.ok & near.ok & (outward != 0.0) if central else far.ok & ~near.ok & (outward != 0.0)
         other = slopes(near, far, inward - outward, better) if central else slopes(far, at_own, outward, better)
         by_rows[better], by_distances[better] = other[0][better], other[1][better]
-    rows, row_slopes = _by_few_rows(here.rows, _by_run(by_rows, run, number, z.shape))
+    rows, row_slopes = _by_few_rows(here.rows, _by_run(by_rows, run, number, z.shape), objective.tuning.many_samples)
     return LinearRows(
         rows,
         row_slopes,
@@ -123,14 +120,14 @@ def _parts(objective: RunObjective, tangents: RunTangents, tried: TriedRuns, sam
     )
 
 
-def _by_few_rows(rows: Array, slopes: Array) -> tuple[Array, Array]:
+def _by_few_rows(rows: Array, slopes: Array, many: float) -> tuple[Array, Array]:
     """Rows (R, L, m, p) and slopes (L, d, R, m, p) as fewer rows m, where there are many more samples than numbers.
 
     The information after any step is the same: both are multiplied by the transpose of a matrix with orthonormal columns, in whose
     span they lie.
     """
     (plants, runs, m, p), d = rows.shape, slopes.shape[1]
-    if m < MANY * p * (1 + d):
+    if m < many * p * (1 + d):
         return rows, slopes
     columns = np.concatenate([rows[..., None, :], slopes.transpose(2, 0, 3, 1, 4)], axis=3)
     few = np.asarray(np.linalg.qr(columns.reshape(plants, runs, m, (1 + d) * p), mode="r")).reshape(plants, runs, -1, 1 + d, p)

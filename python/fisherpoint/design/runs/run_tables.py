@@ -23,7 +23,7 @@ WIDTH = 78
 
 def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
     """What each run is, where it starts, and what it holds."""
-    samples, of = runs.measured.sum(axis=1), holds_of(runs)
+    samples, of = runs.measured.sum(axis=1), holds_of(runs.u, runs.dt, runs.measured)
     runs = runs.holding(of.u, of.dt, of.measured)
     columns = ["run", "segments", "samples", "duration [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs)]
     rows, starts = [], []
@@ -75,7 +75,7 @@ def _held(model: Model, runs: Runs, every: Array) -> Section:
 
 def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs") -> Section:
     """Every segment of every run, up to a number of rows; of densely sampled ones, what they hold."""
-    of = holds_of(runs)
+    of = holds_of(runs.u, runs.dt, runs.measured)
     runs = runs.holding(of.u, of.dt, of.measured)
     columns = ["run", "segment", "from [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "dt [s]", "sample at the end"]
     run, segment = np.nonzero(runs.dt)

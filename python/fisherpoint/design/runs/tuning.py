@@ -142,6 +142,9 @@ class RunSearchTuning:
     most_slopes: int = 20_000_000
     """Maximum number of slopes at once, so that memory stays bounded."""
 
+    many_samples: float = 2.0
+    """Number of rows over what they and their slopes can span, from which on they are replaced by as many as that."""
+
     trajectory_rtol: float = 1e-6
     """Largest relative tolerance of the trajectories that differences are taken of."""
 
