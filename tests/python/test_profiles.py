@@ -21,8 +21,8 @@ CLOCK = ActuatorClock(50, 0.02)
 SMOOTH: tuple[InputProfile, ...] = (
     fp.Ramps(7),
     fp.Spline(8),
-    fp.Multisine(5, (0.5, 10)),
-    fp.Multisine((1, 3, 5), (1, 12), crest=2.0),
+    fp.Multisine(5, bandwidth=(0.5, 10)),
+    fp.Multisine((1, 3, 5), bandwidth=(1, 12), crest=2.0),
     fp.Chirp((0.5, 10)),
     fp.Chirp((0.5, 10), sweep="logarithmic"),
 )
@@ -50,7 +50,7 @@ def spectrum(values: Floats) -> Floats:
 
 
 def test_a_multisine_has_its_harmonics_alone() -> None:
-    profile = fp.Multisine((1, 3, 4), (2, 8))
+    profile = fp.Multisine((1, 3, 4), bandwidth=(2, 8))
     clock = ActuatorClock(50, 0.02)  # 2 Hz at two periods
     z = np.array([[0.4, 0.0, 0.9, 0.5, 0.7, 0.1, 0.6, 0.3]])
     facts = {one.name: one for one in profile.facts(z[0], clock)}
@@ -65,7 +65,7 @@ def test_a_multisine_has_its_harmonics_alone() -> None:
 def test_a_multisine_keeps_its_crest_factor() -> None:
     rng = np.random.default_rng(0)
     for crest in (2.0, 2.5):
-        profile = fp.Multisine(6, (2, 12), crest=crest)
+        profile = fp.Multisine(6, bandwidth=(2, 12), crest=crest)
         clock = ActuatorClock(2000, 1 / 4000)  # a whole period of 2 Hz, densely
         z = np.array([profile.drawn(rng, clock, 0.5) for _ in range(50)])
         z[:, 1] = 0.0
@@ -134,7 +134,7 @@ def test_slopes_go_through_the_map(profile: InputProfile) -> None:
 
 
 def test_moves_and_draws_stay_in_the_family() -> None:
-    coordinates = RunCoordinates(region(50, profile=fp.Multisine((1, 3), (1, 9))), joint())
+    coordinates = RunCoordinates(region(50, profile=fp.Multisine((1, 3), bandwidth=(1, 9))), joint())
     rng = np.random.default_rng(0)
     z = draw_runs(coordinates, 20, rng)
     moved = moved_runs(coordinates, z[0], rng, z)
@@ -143,7 +143,7 @@ def test_moves_and_draws_stay_in_the_family() -> None:
 
 
 def test_the_best_multisine_is_better_than_random_ones() -> None:
-    given = problem(region(25, profile=fp.Multisine(5, (1, 20)), slew={"u": 1.5}, sample_every=0.005))
+    given = problem(region(25, profile=fp.Multisine(5, bandwidth=(1, 20)), slew={"u": 1.5}, sample_every=0.005))
     design = fp.design_runs(given, n_starts=1, n_candidates=60, seed=0)
     objective = objective_of(given)
     drawn = draw_runs(objective.coordinates, 300, np.random.default_rng(5))
@@ -190,8 +190,8 @@ MISTAKES = [
     ({"profile": 3}, "profile: expected one of Held, Ramps, Spline, Multisine, Chirp, PRBS, Given, given int"),
     ({"profile": fp.Chirp(), "bounds": {"dt": (0.01, 0.02)}}, "profile: expected one value of region['dt'], the actuator's clock"),
     ({"profile": fp.Ramps(60)}, "profile.knots: expected at most as many as segments, 50, given 60"),
-    ({"profile": {"u": fp.Multisine(5, (1, 30))}}, "profile['u'].bandwidth: expected frequencies up to 25 Hz"),
-    ({"profile": fp.Multisine(5, (2, 8))}, "profile.bandwidth: expected room for harmonics 1 to 5, given 2 to 8 Hz"),
+    ({"profile": {"u": fp.Multisine(5, bandwidth=(1, 30))}}, "profile['u'].bandwidth: expected frequencies up to 25 Hz"),
+    ({"profile": fp.Multisine(5, bandwidth=(2, 8))}, "profile.bandwidth: expected room for harmonics 1 to 5, given 2 to 8 Hz"),
     ({"profile": {"u": fp.Chirp()}, "levels": {"u": [0, 1]}}, "levels: expected no input with a profile, given 'u'"),
     ({"profile": {"u": fp.Chirp()}, "constant": ("u",)}, "constant: expected no input with a profile, given 'u'"),
     ({"profile": fp.PRBS(hold=(1, 70))}, "profile.hold: expected at most as many segments as a run has, 50, given 70"),
@@ -219,7 +219,7 @@ def test_mistakes_of_regions_are_named(changes: Any, text: str) -> None:
         (lambda: fp.Multisine(0), "harmonics: expected"),
         (lambda: fp.Multisine((1, 1)), "harmonics: expected different numbers"),
         (lambda: fp.Multisine(5, crest=1.2), "crest: expected at least 1."),
-        (lambda: fp.Multisine(5, (3, 1)), "bandwidth: expected the least first, given 3 and 1"),
+        (lambda: fp.Multisine(5, bandwidth=(3, 1)), "bandwidth: expected the least first, given 3 and 1"),
         (lambda: fp.Chirp((0, 1)), "bandwidth: expected a positive frequency in Hz"),
         (lambda: fp.Chirp(3.0), "bandwidth: expected a pair"),
         (lambda: fp.Chirp(sweep="square"), "sweep: expected"),

@@ -8,7 +8,7 @@ whole signal is drawn together about its middle, so that it stays what it is.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -106,7 +106,7 @@ class Given(InputProfile):
     values: tuple[float, ...]
     t: tuple[float, ...] | None = None
 
-    def __init__(self, values: ArrayLike, t: ArrayLike | None = None) -> None:
+    def __init__(self, values: ArrayLike, *, t: ArrayLike | None = None) -> None:
         of = as_floats(values, "values")
         times = None if t is None else as_floats(t, "t")
         if of.ndim != 1 or not len(of):
@@ -241,6 +241,7 @@ class PRBS(InputProfile):
     """
 
     order: int = 7
+    _: KW_ONLY
     hold: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
@@ -316,7 +317,7 @@ def slowing(values: Array, clock: ActuatorClock) -> Array:
 def pair_of(given: object, name: str, check: Callable[[object], int] | Callable[[object], float]) -> tuple[float, float]:
     """Two numbers in order."""
     if not isinstance(given, tuple | list) or len(given) != 2:
-        raise TypeError(f"{name}: expected a pair (least, most), given {given!r}")
+        raise TypeError(f"{name}: expected a pair (least, most), given {shown(given)}")
     least, most = (check(one) for one in given)
     if most < least:
         raise ValueError(f"{name}: expected the least first, given {least:g} and {most:g}")

@@ -151,7 +151,7 @@ class RunRegion:
 
     def _profiles(self, given: Any, names: tuple[str, ...]) -> InputProfile | Mapping[str, InputProfile] | None:
         """Profiles that are not `Held`, each of which has room on the clock."""
-        if given is None or given == Held():
+        if given is None or isinstance(given, Held):
             return None
         if not isinstance(given, Mapping):
             if isinstance(given, Given):

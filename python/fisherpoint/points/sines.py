@@ -7,7 +7,7 @@ smaller as a whole, so that no other frequencies appear.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,7 @@ class Multisine(_Swings):
     crest: float | None = None
 
     def __init__(
-        self, harmonics: int | Sequence[int] = 5, bandwidth: Sequence[float] | None = None, crest: float | None = None
+        self, harmonics: int | Sequence[int] = 5, *, bandwidth: Sequence[float] | None = None, crest: float | None = None
     ) -> None:
         for name, value in (("harmonics", _harmonics(harmonics)), ("bandwidth", bandwidth), ("crest", crest)):
             object.__setattr__(self, name, value)
@@ -199,6 +199,7 @@ class Chirp(_Swings):
         For frequencies that are not positive or upside down, and another sweep.
     """
 
+    _: KW_ONLY
     sweep: str = "linear"
 
     def __post_init__(self) -> None:
