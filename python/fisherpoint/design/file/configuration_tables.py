@@ -248,10 +248,13 @@ class ProfileTable(Table):
             fail(f"{key}: missing, for kind = {toml(self.kind)}")
         return self
 
-    def build(self) -> InputProfile:
-        """The profile."""
+    def build(self, name: str) -> InputProfile:
+        """The profile of an input."""
         given = self.model_dump(exclude={"kind"}, exclude_none=True)
-        return PROFILES[self.kind](**{key: tuple(of) if isinstance(of, list) else of for key, of in given.items()})
+        try:
+            return PROFILES[self.kind](**{key: tuple(of) if isinstance(of, list) else of for key, of in given.items()})
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"profile['{name}'].{error}") from error
 
 
 class RunKeys(Table):
@@ -289,7 +292,7 @@ class RunKeys(Table):
         given["slew"] = {name: _with_unit(of) for name, of in self.slew.items()}
         if self.sample_every is not None:
             given["sample_every"] = _with_unit(self.sample_every)
-        given["profile"] = {name: table.build() for name, table in self.profile.items()}
+        given["profile"] = {name: table.build(name) for name, table in self.profile.items()}
         rest = None if self.rest is None else self.rest.build(model)
         return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}
 
