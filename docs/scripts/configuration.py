@@ -200,9 +200,30 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             ' `{ value = 0.2, unit = "kW" }`.',
             "duration": "The longest that a run may last, s.",
             "lead_in": "Segments at the beginning that are not measured.",
+            "sample_every": "The period at which all outputs are measured, whatever the segments are, in s or `{ value = 1, unit ="
+            ' "ms" }`. [Signals](../how_to/signals.md).',
             "samples": "How many samples are chosen of each run; all where it is not given.",
             "rest": "How runs start [at rest](../how_to/runs_at_rest.md), as a table `[runs.rest]`.",
+            "profile": "How the values of an input follow from a few numbers, as a table `[runs.profile.NAME]` for each.",
             **MEANINGS["runs"],
+        },
+    ),
+    "runs.profile": (
+        "A table for each input that follows a profile; `[region]` has one value of `dt` then, the actuator's clock."
+        " [Signals](../how_to/signals.md#classical-excitations).",
+        '[region]\ndt = 0.02\n\n[runs]\nsegments = 50\n\n[runs.profile.u]\nkind = "multisine"\nharmonics = 5\nbandwidth = [1, 10]\n',
+        {
+            "kind": 'Which one. With "held", the default, every segment has a number of its own. With "given" the input is not'
+            " designed, and has no bounds in `[region]`.",
+            "knots": 'Number of knots of "ramps", and of coefficients of a "spline".',
+            "harmonics": 'How many a "multisine" has, or which, as `[1, 3, 5]`.',
+            "bandwidth": 'The lowest and the highest frequency of a "multisine" or "chirp", Hz.',
+            "crest": 'The largest crest factor of a "multisine".',
+            "sweep": 'How the frequency of a "chirp" moves.',
+            "order": 'Length of the shift register of a "prbs".',
+            "hold": 'The fewest and the most segments for which a bit of a "prbs" is held.',
+            "values": 'What is "given": a value for each segment, or at times, in the model\'s unit.',
+            "t": "These times from the start of a run, s.",
         },
     ),
     "runs.rest": (

@@ -56,11 +56,13 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .points.constraints import Constraint
     from .points.experiments import Experiments
     from .points.predictive import PredictiveCovariance, predictive_covariance
+    from .points.profiles import PRBS, Given, Held, Ramps, Spline
     from .points.region import ExperimentRegion
     from .points.rest import Rest
     from .points.run_region import RunRegion
     from .points.runs import Runs
     from .points.simulate import sensitivities, simulate
+    from .points.sines import Chirp, Multisine
     from .points.status import Status
     from .points.trajectories import Sensitivities, Trajectories
     from .prior.gaussian import GaussianPrior
@@ -71,9 +73,11 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
 __version__ = "0.1.0"
 
 __all__ = [
+    "PRBS",
     "ApproximateDesign",
     "CallableModel",
     "Campaign",
+    "Chirp",
     "Constraint",
     "Cost",
     "Criterion",
@@ -90,12 +94,15 @@ __all__ = [
     "GaussHermite",
     "GaussMarkov",
     "GaussianPrior",
+    "Given",
     "Goal",
+    "Held",
     "HydraulicCylinder",
     "LinearizedRule",
     "Local",
     "Measurements",
     "Model",
+    "Multisine",
     "Noise",
     "NoiseModel",
     "OverPrior",
@@ -104,6 +111,7 @@ __all__ = [
     "PredictiveCovariance",
     "Progress",
     "Quantity",
+    "Ramps",
     "Record",
     "Rest",
     "Rule",
@@ -113,6 +121,7 @@ __all__ = [
     "Sensitivities",
     "Sobol",
     "SparseGaussHermite",
+    "Spline",
     "Status",
     "StopReason",
     "Sweep",
@@ -204,11 +213,13 @@ _PLACES = {
     ".points.constraints": ("Constraint",),
     ".points.experiments": ("Experiments",),
     ".points.predictive": ("PredictiveCovariance", "predictive_covariance"),
+    ".points.profiles": ("PRBS", "Given", "Held", "Ramps", "Spline"),
     ".points.region": ("ExperimentRegion",),
     ".points.rest": ("Rest",),
     ".points.run_region": ("RunRegion",),
     ".points.runs": ("Runs",),
     ".points.simulate": ("sensitivities", "simulate"),
+    ".points.sines": ("Chirp", "Multisine"),
     ".points.status": ("Status",),
     ".points.trajectories": ("Sensitivities", "Trajectories"),
     ".prior.gaussian": ("GaussianPrior",),

@@ -104,6 +104,7 @@ def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
     return [
         *_goal_rows(settings.goal),
         ("runs", f"{settings.n_runs} of {counted(n, 'segment')}"),
+        *([] if (every := problem.run_region.sample_every) is None else [("samples", f"every {every:g} s")]),
         ("method", f"{counted(settings.n_starts, 'start')} from a pool of {counted(settings.n_candidates, 'random run')}"),
         about(settings.n_candidates * n, "segments of the pool; ascents take as many again and more"),
     ]

@@ -10,6 +10,7 @@ import pytest
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import ConfigError, load_config, load_problem
 from fisherpoint.design.runs.run_picture_list import PICTURES
+from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint_command.cli import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -91,7 +92,7 @@ def test_designs_are_compared(reactor: Path, capsys: pytest.CaptureFixture[str])
 def test_the_examples_describe_regions_of_runs(name: str) -> None:
     problem = load_problem(EXAMPLES / f"{name}.toml")
     assert isinstance(problem.region, fp.RunRegion)
-    assert len(problem.region.coordinates(problem.model)) > 5
+    assert len(RunCoordinates(problem.region, problem.model)) > 5
 
 
 @pytest.mark.parametrize(

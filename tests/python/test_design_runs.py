@@ -19,7 +19,7 @@ from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_pictures import limits_of
 from fisherpoint.design.runs.run_profiles import PROFILES, draw_runs
 from fisherpoint.design.runs.run_slopes import linear_rows
-from fisherpoint.points.run_region import RunCoordinates
+from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint.points.settings import Integration
 from fit_cases import EXAMPLES
 
@@ -111,7 +111,7 @@ def test_the_gradient_is_that_of_differences(kappa: float, central: bool, error:
         outputs={"y": "m"}, parameters={"b": "1", "c": "1"}, constants={},
     )  # fmt: skip
     problem = problem_of(limited, {"b": 2.0, "c": 1.0}, {"y": 0.01}, region, uncertain=None, initial_state_std={"x": 0.01})
-    coordinates = region.coordinates(limited)
+    coordinates = RunCoordinates(region, limited)
     plants = problem.theta * [[1.0, 1.0], [1.1, 0.9]]
     criteria = [fp.criterion(problem)] * 2
     objective = RunObjective(problem, coordinates, plants, Average.of_all(2), np.zeros((2, 2, 2)), criteria, FINE)

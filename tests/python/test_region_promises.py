@@ -12,6 +12,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.design.candidates.point_rows import PointRows
+from fisherpoint.points.run_coordinates import RunCoordinates
 
 MODEL = fp.SymbolicModel(
     f=["v", "k*u - d*v + 0.2*w - 0.1*x"],
@@ -96,7 +97,7 @@ def test_runs_that_are_drawn_keep_what_their_region_says(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for _ in range(60):
         region = run_region(rng)
-        coordinates = region.coordinates(MODEL)
+        coordinates = RunCoordinates(region, MODEL)
         shape = (20, len(coordinates))
         z = np.where(rng.random(shape) < 0.4, rng.choice([0.0, 0.5, 1.0], shape), rng.random(shape))
         check_runs(region, coordinates.runs(z))
@@ -104,7 +105,7 @@ def test_runs_that_are_drawn_keep_what_their_region_says(seed: int) -> None:
 
 def test_a_duration_takes_from_what_is_above_the_shortest_segments() -> None:
     region = fp.RunRegion({"x": 0.0, "v": 0.0, "u": 0.0, "w": 0.0, "dt": (0.1, 0.9)}, 3, duration=0.7)
-    dt = region.coordinates(MODEL).runs(np.array([[1.0, 0.0, 0.25], [0.1, 0.2, 0.05], [1.0, 1.0, 1.0]])).dt
+    dt = RunCoordinates(region, MODEL).runs(np.array([[1.0, 0.0, 0.25], [0.1, 0.2, 0.05], [1.0, 1.0, 1.0]])).dt
     np.testing.assert_allclose(dt, [[0.42, 0.1, 0.18], [0.18, 0.26, 0.14], [0.7 / 3] * 3], rtol=1e-14)
 
 
@@ -113,12 +114,12 @@ def test_an_input_with_a_slew_goes_to_the_nearest_level_that_it_can_reach() -> N
     levels = [0.0, 0.1, 0.2, 0.3, 0.7, 1.0]
     region = fp.RunRegion(given, 6, levels={"u": levels}, slew={"u": 0.4})
     z = (np.array([[0, 5, 5, 5, 0, 0]]) + 0.5) / 6
-    assert region.coordinates(MODEL).runs(z).u[0, :, 0].tolist() == [0.0, 0.3, 0.7, 1.0, 0.7, 0.3]
+    assert RunCoordinates(region, MODEL).runs(z).u[0, :, 0].tolist() == [0.0, 0.3, 0.7, 1.0, 0.7, 0.3]
     finer = fp.RunRegion(given, 4, levels={"u": levels[:4]}, slew={"u": 0.1})  # 0.3 - 0.2 < 0.1 < 0.2 - 0.1 in doubles, or about
     z = (np.array([[0, 3, 3, 3], [3, 0, 0, 0]]) + 0.5) / 4
-    assert finer.coordinates(MODEL).runs(z).u[:, :, 0].tolist() == [[0.0, 0.1, 0.2, 0.3], [0.3, 0.2, 0.1, 0.0]]
+    assert RunCoordinates(finer, MODEL).runs(z).u[:, :, 0].tolist() == [[0.0, 0.1, 0.2, 0.3], [0.3, 0.2, 0.1, 0.0]]
     stays = fp.RunRegion(given, 2, levels={"u": [0.0, 1.0]}, slew={"u": 0.5})
-    assert stays.coordinates(MODEL).runs((np.array([[1, 0]]) + 0.5) / 2).u[0, :, 0].tolist() == [1.0, 1.0]
+    assert RunCoordinates(stays, MODEL).runs((np.array([[1, 0]]) + 0.5) / 2).u[0, :, 0].tolist() == [1.0, 1.0]
 
 
 def test_a_level_may_be_a_bound_in_another_unit() -> None:
@@ -128,7 +129,7 @@ def test_a_level_may_be_a_bound_in_another_unit() -> None:
     region = fp.RunRegion(given, 2, levels={"u": [0.0042, 0.005, 0.0069]}).in_units_of(model)
     lower, upper = region.bounds["u"]
     assert lower > 0.0042 and upper > 0.0069
-    u = region.coordinates(model).runs(np.array([[0.0, 0.5], [1.0, 1.0]])).u
+    u = RunCoordinates(region, model).runs(np.array([[0.0, 0.5], [1.0, 1.0]])).u
     assert u[:, :, 0].tolist() == [[lower, 0.005], [0.0069, 0.0069]]
     with pytest.raises(ValueError, match=r"levels\['u'\]: expected values within 0.0042 and 0.0069"):
         fp.RunRegion(given, 2, levels={"u": [0.0042, 0.00691]}).in_units_of(model)

@@ -11,6 +11,7 @@ from scipy.optimize import root
 import fisherpoint as fp
 from fisherpoint.basics.result_files import decoded, encoded
 from fisherpoint.design.file.configuration import load_config
+from fisherpoint.points.run_coordinates import RunCoordinates
 
 LIFT = fp.SymbolicModel(
     f=["v", "(k*i - m*9.81 - d*v)/m", "(u - R*i - k*v)/L"],
@@ -114,7 +115,7 @@ REGION = {"x": (0.1, 0.4), "v": 0.0, "i": (0.0, 5.0), "u": (0.0, 12.0), "w": 0.0
 def test_designs_estimates_and_rigs_start_there() -> None:
     region = fp.RunRegion(REGION, 6, rest=HELD)
     design = fp.design_runs(problem(region), 2, n_starts=1, n_candidates=20, threads=1)
-    assert len(region.coordinates(LIFT)) == 1 + 6, "the current is found, the place is not"
+    assert len(RunCoordinates(region, LIFT)) == 1 + 6, "the current is found, the place is not"
     assert ((design.runs.x0[:, 0] >= 0.1) & (design.runs.x0[:, 0] <= 0.4)).all() and design.runs.rest == (HELD, HELD)
     x = fp.simulate(LIFT, design.runs, THETA).x[:, 0]
     np.testing.assert_allclose(x[:, 2], 0.5 * 9.81 / 2.0, rtol=1e-13)

@@ -14,6 +14,7 @@ from fisherpoint.design.file.configuration import load_config
 from fisherpoint.design.goal.scenario_average import Average
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_slopes import linear_rows
+from fisherpoint.points.run_coordinates import RunCoordinates
 from fisherpoint.points.settings import Integration
 
 FINE = Integration(1e-9)
@@ -92,7 +93,7 @@ def test_none_by_another_criterion_is_better(name: str) -> None:
 def test_the_gradient_is_that_of_differences(name: str) -> None:
     given = problem(5, samples=None)
     assert isinstance(given.region, fp.RunRegion)
-    coordinates = given.region.coordinates(CART)
+    coordinates = RunCoordinates(given.region, CART)
     plants = given.theta * [[1.0, 1.0], [1.1, 0.8]]
     criteria = [fp.criterion(given, goal(name))] * 2
     objective = RunObjective(given, coordinates, plants, Average.of_all(2), np.tile(np.eye(2), (2, 1, 1)), criteria, FINE)

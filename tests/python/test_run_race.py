@@ -17,7 +17,7 @@ from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import draw_runs
 from fisherpoint.design.runs.run_race import race
 from fisherpoint.design.runs.tuning import RunSearchTuning
-from fisherpoint.points.run_region import RunCoordinates
+from fisherpoint.points.run_coordinates import RunCoordinates
 
 
 class Runner:
@@ -71,7 +71,7 @@ def objective_of(problem: fp.DesignProblem) -> RunObjective:
     assert isinstance(region, fp.RunRegion)
     p = problem.n_unknowns
     theta, there = problem.theta[None], np.zeros((1, p, p))
-    coordinates = region.coordinates(problem.model)
+    coordinates = RunCoordinates(region, problem.model)
     return RunObjective(problem, coordinates, theta, Average.of_all(1), there, [], problem.integration(2))
 
 
@@ -82,7 +82,7 @@ def test_changed_runs_are_worth_the_same_from_where_they_differ(make: Any, kappa
     objective.kappa = kappa
     z = draw_runs(objective.coordinates, 40, np.random.default_rng(0))
     z = z[objective.lasted(z).ok][0]
-    base = objective.tangents(objective.tried(z[None], None), outputs_alone=False)
+    base = objective.tangents(objective.tried(z[None], None).runs, outputs_alone=False)
     runs = objective.tried(moved_runs(objective.coordinates, z, np.random.default_rng(1)), None)
     whole, beside = objective.judged(runs), objective.judged_beside(base, runs)
     assert whole.ok.any() and np.array_equal(whole.ok, beside.ok)

@@ -19,6 +19,7 @@ from ..basics.stop_reason import StopReason
 from ..data import Record
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
+from ..points.sampling import holds_of
 from ..points.settings import checked_arguments
 from ..show.parameter_pictures import draw_correlation
 from ..show.style import (
@@ -220,7 +221,9 @@ def plot_time(fit: FitStatistics) -> Figure:
             return nothing_drawn("Over time: there is no record or run among the data")
         paths = [None if run is None else _between_samples(fit, run, rows.start) for _, rows, run in series]
         times = [
-            None if run is None else RunTime(run.dt[0, : run.segments[0]], path if run.segments[0] == 1 else None)
+            None
+            if run is None
+            else RunTime((held := holds_of(run.u, run.dt, run.measured).dt[0])[held > 0], path if run.segments[0] == 1 else None)
             for (_, _, run), path in zip(series, paths, strict=True)
         ]
         width = max(7.2 / len(series), 4.6, *(time.width for time in times if time))
@@ -241,7 +244,9 @@ def plot_time(fit: FitStatistics) -> Figure:
                 grid[-1, column].set_xlabel("time from the first sample, logarithmic" if crowded else f"time [{time_unit}]")
             else:
                 at, simulated = time(t), path
-                curve = time.within(np.array(shares_of(len(time.durations))))
+                shares = shares_of(int(run.segments[0]))
+                dense = len(time.durations) < run.segments[0]
+                curve = time(run.divided(shares).t[0, : len(path)]) if dense else time.within(np.array(shares))
                 time.mark(grid[:, column])
             few = len(t) <= MANY
             for axes, (i, quantity) in zip(grid[:, column], outputs, strict=True):

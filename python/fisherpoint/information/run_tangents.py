@@ -104,9 +104,10 @@ def tangents_from(
     """Tangents of runs that equal base.runs[own] up to some segment; they are computed from there on."""
     model, values = _extended(problem, theta)
     n = runs.dt.shape[1]
-    first = np.minimum(runs.first_difference(base.runs, own), n - 1)
+    first = np.minimum(runs.first_difference(base.runs, own), runs.segments - 1)
     whole = (first == 0) | (runs.controlled if runs.rests is not None else False)  # how these start, base.dx may not have all of
-    x, y, dx, dy, status = base.x[own], base.y[own], base.dx[own], base.dy[own], base.status[own]
+    x, y, dx, dy = _first(base.x, own, n + 1), _first(base.y, own, n), _first(base.dx, own, n), _first(base.dy, own, n)
+    status = base.status[own]
     if model.latches:  # what they remember at a sample is not kept
         whole = np.ones_like(whole)
     if model.delays:
@@ -133,6 +134,12 @@ def tangents_from(
         if not outputs_alone:
             dx[rest[k], m] = new_dx[k, of]
     return RunTangents(runs, values, x, y, dx, dy, status)
+
+
+def _first(values: Array, own: NDArray[np.intp], n: int) -> Array:
+    """Values (K, N, ...) of some rows for the first n segments; those of more segments than there are get values of their own."""
+    width = [(0, 0), (0, max(0, n - values.shape[1])), *[(0, 0)] * (values.ndim - 2)]
+    return values[own] if values.shape[1] == n else np.pad(values[own, :n], width)
 
 
 def _behind(

@@ -27,7 +27,9 @@ def outside(model: Model, region: ExperimentRegion | RunRegion | None, points: P
     k, n = np.nonzero(runs.dt)
     # Where runs start at rest, bounds of states say where to search for it.
     starts = {} if runs.rests is not None else dict(zip(names_of(model.states), runs.x0.T, strict=True))
-    held = dict(zip(names_of(model.inputs), runs.u[k, n].T, strict=True)) | {"dt": runs.dt[k, n]}
+    held = dict(zip(names_of(model.inputs), runs.u[k, n].T, strict=True))
+    if getattr(region, "sample_every", None) is None:  # then parts of segments between samples are shorter
+        held["dt"] = runs.dt[k, n]
     found = [(row, 0, what) for row, what in _beyond(model, region, starts)]
     found += [(int(k[i]), int(n[i]) + 1, what) for i, what in _beyond(model, region, held)]
     if isinstance(region, ExperimentRegion) and runs.points is not None:

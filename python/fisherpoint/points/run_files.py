@@ -18,11 +18,14 @@ from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from .experiments import columns_of, place_names
 from .rest import Rest, Rests
+from .run_checks import check_period
+from .sampling import Holds, divided, holds_of, multiples, sample_counts, segments_of
 
 RUN, SEGMENT = Quantity("run", "1", "number of a run, from 1"), Quantity("segment", "1", "number of a segment of it, from 1")
 MEASURED = Quantity("measured", "1", "whether the outputs are measured at the segment's end")
 REST, ALL = "rest", "all"
 """The column that names the states that are at rest at the start, and what stands there for all; `rest_u` has the input u."""
+EVERY = Quantity("sample_every", "s", "period at which the outputs are measured instead, up to the end of the run")
 TIMES = "t", "time", "time_of_sample"
 """Names of a column of times: the first that is no input of the model is used."""
 
@@ -52,20 +55,29 @@ def runs_csv(
 ) -> str:
     """The text of a file of runs, see `Runs.to_csv`, with columns of outputs (K, N), and of labels of the runs, behind."""
     columns, rests, n_x, n_u = runs.columns, runs.rests, runs.x0.shape[1], runs.u.shape[2]
+    held = (
+        Holds(runs.u, runs.dt, runs.measured, np.full(len(runs.dt), np.nan))
+        if outputs
+        else holds_of(runs.u, runs.dt, runs.measured)
+    )
     if model is not None:
         check_type(model, Model, "model")
         check_alike([(len(model.states), len(model.inputs)), (n_x, n_u)], "states and inputs", "model")
         columns = columns_of(model)
     names = columns or place_names(n_x, n_u)
-    k, n = np.nonzero(runs.dt)
+    k, n = np.nonzero(held.dt)
     starts = np.where((n == 0)[:, None], runs.x0[k], np.nan)
-    numbers = np.column_stack([starts, runs.u[k, n], runs.dt[k, n]]).tolist()
+    numbers = np.column_stack([starts, held.u[k, n], held.dt[k, n]]).tolist()
     behind = np.column_stack([np.empty((len(k), 0)), *(values[k, n] for values in outputs.values())]).tolist()
     rows: list[list[Any]] = [
-        [str(run + 1), str(segment + 1), *row, str(int(runs.measured[run, segment]))]
+        [str(run + 1), str(segment + 1), *row, str(int(held.measured[run, segment]))]
         for run, segment, row in zip(k.tolist(), n.tolist(), numbers, strict=True)
     ]
     header = (RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name)
+    if not np.isnan(held.every).all():
+        header = (*header, EVERY.name)
+        for row, run, segment in zip(rows, k.tolist(), n.tolist(), strict=True):
+            row.append(held.every[run] if segment == 0 else np.nan)
     if rests is not None:
         inputs, given = names[n_x:], _given_outputs(rests)
         header = (*header, *rest_columns(inputs, given))
@@ -112,8 +124,30 @@ def read_runs(
     """x0, u, dt, measured, rest and inputs before the start of the runs in a file; see `Runs.from_csv`."""
     table = DataTable(as_path(path, "path"))
     further, before = rest_columns_of(table, model), before_columns_of(table, model)
-    parts = runs_of_table(table, model, (*further, *before))
-    return *parts, rest_of_table(table, model) if further else None, before_of_table(table, model)
+    every = (EVERY.name,) if EVERY.name in table and EVERY.name not in columns_of(model) else ()
+    x0, u, dt, measured = runs_of_table(table, model, (*further, *before, *every))
+    u, dt, measured = _sampled(table, u, dt, measured) if every else (u, dt, measured)
+    return x0, u, dt, measured, rest_of_table(table, model) if further else None, before_of_table(table, model)
+
+
+def _sampled(table: DataTable, u: Array, dt: Array, measured: NDArray[np.bool_]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Runs of a table, those with a period divided at its multiples."""
+    first, periods = np.diff(table.complete(RUN), prepend=0.0) != 0, table.numbers(EVERY.name, EVERY.unit)
+    table.refuse(~first & ~np.isnan(periods), EVERY.name, "nothing behind the first row of a run")
+    table.refuse(first & (periods <= 0), EVERY.name, "a positive period, or nothing")
+    parts = []
+    for k, row in enumerate(np.flatnonzero(first).tolist()):
+        n, every = int(np.count_nonzero(dt[k])), float(periods[row])
+        if np.isnan(every):
+            parts.append((u[k, :n], dt[k, :n], measured[k, :n]))
+            continue
+        try:
+            check_period(every, float(dt[k].sum()), float(dt[k].sum()), EVERY.name)
+        except ValueError as error:
+            raise table.error(row, EVERY.name, str(error).removeprefix(f"{EVERY.name}: ")) from error
+        fine = divided(dt[k : k + 1, :n], multiples(every, sample_counts(dt[k : k + 1, :n], every)), every)
+        parts.append((u[k, fine.of[0]], fine.dt[0], fine.measured[0]))
+    return segments_of(parts)
 
 
 def before_columns_of(table: DataTable, model: Model) -> tuple[str, ...]:
@@ -225,19 +259,27 @@ def time_name(inputs: Sequence[str]) -> str:
 def plan_csv(runs: RunArrays, model: Model) -> str:
     """The text of a time table: the times of each run at which inputs are set, and whether a sample is taken just before.
 
-    A run's last row is its end, at which the inputs stay as they are. The head has units, and numbers ten digits, without the
+    A run's last row is its end, at which the inputs stay as they are. Runs that are sampled densely have a row for each hold alone,
+    and the period of the samples in their first. The head has units, and numbers ten digits, without the
     rounding of sums: the table is for people and sequencers, and nothing reads it back.
     """
     timed = (Quantity(time_name(names_of(model.inputs)), "s"), *model.inputs)
+    of, often = holds_of(runs.u, runs.dt, runs.measured), f"{EVERY.name} [{EVERY.unit}]"
+    periodic = not np.isnan(of.every).all()
     header = (RUN.name, *(q.name if q.unit in ("", "1") else f"{q.name} [{q.unit}]" for q in timed), "measure")
+    header = (*header, often) if periodic else header
     rows: list[list[Any]] = []
-    for k, dt in enumerate(runs.dt):
+    for k, dt in enumerate(of.dt):
         n = int(np.count_nonzero(dt))
         t = np.concatenate([[0.0], np.cumsum(dt[:n])])
-        held = np.concatenate([runs.u[k, :n], runs.u[k, n - 1 : n]])
-        flags = np.concatenate([[False], runs.measured[k, :n]])
-        rows += [
+        held = np.concatenate([of.u[k, :n], of.u[k, n - 1 : n]])
+        flags = np.concatenate([[False], of.measured[k, :n]])
+        own = [
             [str(k + 1), *(f"{value:.10g}" for value in (time, *values)), "yes" if flag else "no"]
             for time, values, flag in zip(t.tolist(), held.tolist(), flags.tolist(), strict=True)
         ]
+        if periodic:
+            period = "" if np.isnan(of.every[k]) else f"{of.every[k]:.10g}"
+            own = [[*row, period if place == 0 else ""] for place, row in enumerate(own)]
+        rows += own
     return csv_text(header, rows)

@@ -3,30 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..basics.checks import as_floats, as_positive, by_name, check_mapping, check_names, check_positive_int, check_type, names_among
+from ..basics.checks import (
+    as_floats,
+    as_positive,
+    by_name,
+    check_known,
+    check_mapping,
+    check_names,
+    check_positive_int,
+    check_type,
+    names_among,
+)
 from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.units import converted
-from ..basics.values import Array, FrozenMapping
+from ..basics.values import FrozenMapping
 from ..models import Model
 from .bounds import in_units_of, pair_or_number, read_bounds, split_unit, units_in, with_units
+from .profile_kinds import PROFILES
+from .profiles import ActuatorClock, Given, Held, InputProfile
 from .region import refuse_fixed_on_surface
 from .rest import Rest
-from .runs import Runs, as_flags
+from .run_checks import as_flags, as_period, check_period
 
 MOST_SEGMENTS = 10_000
 
-ROUNDING = 1e-9
-"""Share by which a step between levels may exceed what an input may change: 0.3 - 0.2 is more than 0.2 - 0.1."""
-
-DECADE = 10.0
-"""Bounds of durations that are further apart count logarithmically."""
+_OPTIONS = ("constant", "shared", "levels", "slew", "duration", "measured", "samples", "rest", "sample_every", "profile")
 
 
 class RunRegion:
@@ -59,6 +66,13 @@ class RunRegion:
         closed system keeps; states that are held vary within theirs.
     samples : int, optional
         The design takes the best so many of these of each run. Default: all.
+    sample_every : float, or (float, unit), optional
+        The period at which all outputs are measured instead, s: at all of its multiples up to the end of a run, whatever the
+        segments are.
+    profile : InputProfile, or mapping of input to InputProfile, optional
+        How the values of all inputs, or of some, follow from a few numbers: `Ramps`, `Spline`, `Multisine`, `Chirp` or `PRBS`;
+        `Held` is the default, a number for each segment. The bounds of ``"dt"`` must be one value then, the actuator's clock.
+        Inputs that are `Given` are not designed, and have no bounds.
 
     Raises
     ------
@@ -83,6 +97,8 @@ class RunRegion:
         measured: ArrayLike | None = None,
         samples: int | None = None,
         rest: Rest | None = None,
+        sample_every: Any = None,
+        profile: InputProfile | Mapping[str, InputProfile] | None = None,
     ) -> None:
         self.bounds: Mapping[str, tuple[float, float]]
         self.units: Mapping[str, str]
@@ -95,12 +111,12 @@ class RunRegion:
         names = tuple(self.bounds)
         self.constant = names_among(constant, names, "constant")
         self.shared = names_among(shared, names, "shared")
-        given: Mapping[str, tuple[float, ...]] = by_name(levels, names, "levels", _levels)
+        values: Mapping[str, tuple[float, ...]] = by_name(levels, names, "levels", _levels)
         self._level_units, self._slew_units = units_in(levels, "levels"), units_in(slew, "slew")
         # Those with a unit are compared when both are in the model's.
-        known = {name: values for name, values in given.items() if not (name in self.units or name in self._level_units)}
-        within = {name: _within(values, *self.bounds[name], f"levels[{name!r}]") for name, values in known.items()}
-        self.levels: Mapping[str, tuple[float, ...]] = FrozenMapping({**given, **within})
+        known = {name: of for name, of in values.items() if not (name in self.units or name in self._level_units)}
+        within = {name: _within(of, *self.bounds[name], f"levels[{name!r}]") for name, of in known.items()}
+        self.levels: Mapping[str, tuple[float, ...]] = FrozenMapping({**values, **within})
         self.slew: Mapping[str, float] = by_name(slew, names, "slew", _change)
         self.duration = None if duration is None else as_positive(duration, "duration", "duration in s")
         if self.duration is not None and self.duration < self.segments * self.bounds["dt"][0] * (1 - 1e-12):
@@ -118,10 +134,79 @@ class RunRegion:
         self.rest = rest
         self.measured: tuple[bool, ...] = tuple(flags.tolist())
         self.samples = None if samples is None else check_positive_int(samples, "samples", most=int(flags.sum()))
+        self.sample_every = None if sample_every is None else self._period(sample_every)
+        self.profile = self._profiles(profile, names)
+
+    def _period(self, given: Any) -> float:
+        if isinstance(given, Mapping):
+            raise TypeError(f"sample_every: expected one period for all outputs, as all are measured at once; given {shown(given)}")
+        for name, beside in (("measured", not all(self.measured)), ("samples", self.samples is not None)):
+            if beside:
+                raise ValueError(
+                    f"{name}: expected none beside sample_every, which measures at all multiples of the period, given some"
+                )
+        every = as_period(given, "sample_every")
+        check_period(every, self.segments * self.bounds["dt"][0], self.longest, "sample_every")
+        return every
+
+    def _profiles(self, given: Any, names: tuple[str, ...]) -> InputProfile | Mapping[str, InputProfile] | None:
+        """Profiles that are not `Held`, each of which has room on the clock."""
+        if given is None or isinstance(given, Held):
+            return None
+        if not isinstance(given, Mapping):
+            if isinstance(given, Given):
+                raise ValueError("profile: expected a mapping of input to what is given, given it for all inputs")
+            return self._profile(given, "profile")
+        profiles: Mapping[str, InputProfile] = by_name(given, None, "profile", self._profile)
+        for name, profile in profiles.items():
+            if isinstance(profile, Given) == (name in names):
+                expected = (
+                    "no bounds in the region of an input that is given"
+                    if name in names
+                    else "bounds in the region, or Given values"
+                )
+                raise ValueError(f"profile[{name!r}]: expected {expected}, given {'some' if name in names else 'none'}")
+            for label, others in (("constant", self.constant), ("levels", self.levels)):
+                if profile != Held() and name in others:
+                    raise ValueError(f"{label}: expected no input with a profile, given {name!r}")
+        return FrozenMapping({name: profile for name, profile in profiles.items() if profile != Held()}) or None
+
+    def _profile(self, profile: Any, label: str) -> InputProfile:
+        if not isinstance(profile, InputProfile):
+            kinds = ", ".join(kind.__name__ for kind in PROFILES.values())
+            raise TypeError(f"{label}: expected one of {kinds}, given {type(profile).__name__}")
+        lower, upper = self.bounds["dt"]
+        try:
+            if isinstance(profile, Given):
+                profile.check_time(self.segments, self.longest - lower)
+            elif profile != Held():
+                profile.check(ActuatorClock(self.segments, lower))
+        except ValueError as error:
+            raise ValueError(f"{label}.{error}") from error
+        if lower < upper and not isinstance(profile, Given | Held):
+            raise ValueError(f"{label}: expected one value of region['dt'], the actuator's clock, given {lower:g} to {upper:g}")
+        return profile
+
+    @property
+    def given(self) -> Mapping[str, Given]:
+        """Inputs that are not designed, and their values."""
+        profiles = self.profile if isinstance(self.profile, Mapping) else {}
+        return {name: profile for name, profile in profiles.items() if isinstance(profile, Given)}
+
+    def profile_of(self, name: str) -> InputProfile | None:
+        """The profile of an input; None where any values are held."""
+        if self.profile is None or name in self.constant or name in self.levels:
+            return None
+        return self.profile.get(name) if isinstance(self.profile, Mapping) else self.profile
+
+    @property
+    def longest(self) -> float:
+        """The longest that a run may last, s."""
+        most = self.segments * self.bounds["dt"][1]
+        return most if self.duration is None else min(most, self.duration)
 
     def _arguments(self) -> dict[str, Any]:
-        names = ("bounds", "segments", "constant", "shared", "levels", "slew", "duration", "measured", "samples", "rest")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in ("bounds", "segments", *_OPTIONS)}
 
     def check(self, model: Model, crossed: Collection[str] = ()) -> None:
         """Raise unless the region bounds exactly what a run of `model` consists of.
@@ -131,11 +216,13 @@ class RunRegion:
         check_type(model, Model, "model")
         if not model.states:
             raise ValueError(f"model: expected one with states for runs, given {model.name}")
-        check_names(self.bounds, names_of(model.axes), "region")
         inputs, states = names_of(model.inputs), names_of(model.states)
+        check_known(self.given, inputs, "profile")
+        check_names(self.bounds, [name for name in names_of(model.axes) if name not in self.given], "region")
         for label, given, known in (
             ("constant", self.constant, (*inputs, "dt")),
             ("levels", self.levels, inputs),
+            ("profile", self.profile if isinstance(self.profile, Mapping) else (), inputs),
             ("slew", self.slew, inputs),
             ("shared", self.shared, (*states, *(name for name in self.constant))),
         ):
@@ -162,19 +249,11 @@ class RunRegion:
         return RunRegion(
             in_units_of(self.bounds, self.units, model.axes),
             self.segments,
-            constant=self.constant,
-            shared=self.shared,
-            levels=levels,
-            slew=slew,
-            duration=self.duration,
-            measured=self.measured,
-            samples=self.samples,
-            rest=self.rest,
+            **{name: getattr(self, name) for name in _OPTIONS} | {"levels": levels, "slew": slew},
         )
 
     def _identity(self) -> tuple[object, ...]:
-        held = self.bounds, self.units, self.segments, self.constant, self.shared, self.levels, self.slew
-        return (*held, self._level_units, self._slew_units, self.duration, self.measured, self.samples, self.rest)
+        return self.units, self._level_units, self._slew_units, *self._arguments().values()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RunRegion) and self._identity() == other._identity()
@@ -183,141 +262,8 @@ class RunRegion:
         return hash(self._identity())
 
     def __repr__(self) -> str:
-        return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments})"
-
-    def coordinates(self, model: Model) -> RunCoordinates:
-        """The free numbers of a run of `model`."""
-        self.check(model, (*model.jumps, *model.kinks))
-        return RunCoordinates(self, model)
-
-
-class RunCoordinates:
-    """The free numbers of a run, each between 0 and 1: starts, then inputs by segment, then durations by segment.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What each is of.
-    segment : ndarray, (d,)
-        From which segment on it has an effect; 0 of starts and of what stays the same over a run.
-    shared : ndarray of bool, (d,)
-        Whether all runs of a design have it alike.
-    stepped : ndarray of int, (d,)
-        How many levels it has; 0 for any value.
-    """
-
-    def __init__(self, region: RunRegion, model: Model) -> None:
-        self._region, self._model, n = region, model, region.segments
-        states, inputs = names_of(model.states), names_of(model.inputs)
-        self._places: list[tuple[str, str, slice]] = []  # kind, name, and where its numbers are
-        names: list[str] = []
-        segment: list[int] = []
-        stepped: list[int] = []
-        for kind, group in (("state", states), ("input", inputs), ("dt", ("dt",))):
-            for name in group:
-                lower, upper = region.bounds[name]
-                levels = len(region.levels.get(name, ()))
-                rests = kind == "state" and region.rest is not None and name in region.rest.found(states)
-                if lower == upper or levels == 1 or rests:
-                    continue
-                count = n if kind != "state" and name not in region.constant else 1
-                self._places.append((kind, name, slice(len(names), len(names) + count)))
-                names += [name] * count
-                segment += list(range(count))
-                stepped += [levels] * count
-        self.names = tuple(names)
-        self.segment, self.stepped = np.array(segment, dtype=np.intp), np.array(stepped, dtype=np.intp)
-        self.shared: NDArray[np.bool_] = np.array([name in region.shared for name in names], dtype=bool)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    @cached_property
-    def inputs(self) -> list[tuple[str, slice]]:
-        """Inputs that may change from segment to segment, and where their numbers are."""
-        places = ((name, where) for kind, name, where in self._places if kind == "input")
-        return [(name, where) for name, where in places if where.stop - where.start == self._region.segments]
-
-    @property
-    def segments(self) -> int:
-        """Number of segments of each run."""
-        return self._region.segments
-
-    @cached_property
-    def input_names(self) -> tuple[str, ...]:
-        """Inputs that may vary, from segment to segment or between runs."""
-        return tuple(name for kind, name, _ in self._places if kind == "input")
-
-    @cached_property
-    def quiet(self) -> Array:
-        """Free numbers (d,) at which inputs are those of the rest, or as near to zero as they may be; others are in the middle."""
-        z, rest = np.full(len(self), 0.5), self._region.rest
-        for kind, name, where in self._places:
-            if kind == "input":
-                value, (lower, upper) = 0.0 if rest is None else rest.u.get(name, 0.0), self._region.bounds[name]
-                levels = np.array(self._region.levels.get(name, ()))
-                nearest = (np.argmin(np.abs(levels - value)) + 0.5) / len(levels) if len(levels) else None
-                z[where] = np.clip((value - lower) / (upper - lower), 0.0, 1.0) if nearest is None else nearest
-        return z
-
-    def runs(self, z: Array) -> Runs:
-        """The runs with free numbers z (K, d)."""
-        region, model, count = self._region, self._model, len(z)
-        shape = (count, region.segments)
-        values: dict[str, Array] = {}
-        for name, (lower, upper) in region.bounds.items():
-            # Of a state that is at rest, the middle of its bounds is the guess; others have one value, or are set below.
-            one = region.levels[name][0] if len(region.levels.get(name, ())) == 1 else 0.5 * (lower + upper)
-            values[name] = np.full((count, 1), one)
-        for _, name, where in self._places:
-            values[name] = self._value(name, z[:, where])
-        x0 = np.column_stack([values[name] for name in names_of(model.states)])
-        u = np.empty((*shape, len(model.inputs)))
-        for i, name in enumerate(names_of(model.inputs)):
-            u[:, :, i] = self._slewed(name, np.broadcast_to(values[name], shape))
-        dt = np.broadcast_to(values["dt"], shape).copy()
-        if region.duration is not None:
-            dt = _shortened(dt, region.bounds["dt"][0], region.duration)
-        measured = np.broadcast_to(np.array(region.measured), shape).copy()
-        return Runs(x0, u, dt, measured, rest=region.rest, columns=(*names_of(model.states), *names_of(model.inputs)))
-
-    def _value(self, name: str, share: Array) -> Array:
-        lower, upper = self._region.bounds[name]
-        if name in self._region.levels:
-            levels = np.array(self._region.levels[name])
-            return np.asarray(levels[np.clip((share * len(levels)).astype(int), 0, len(levels) - 1)])
-        if name == "dt" and upper > DECADE * lower:
-            return np.asarray(np.clip(lower * (upper / lower) ** share, lower, upper))
-        return np.asarray(np.clip(lower + (upper - lower) * share, lower, upper))
-
-    def _slewed(self, name: str, values: Array) -> Array:
-        """The values (K, N), as near as the steps from one segment to the next allow; levels where there are some."""
-        most = self._region.slew.get(name)
-        if most is None:
-            return values
-        levels = np.array(self._region.levels.get(name, ()))
-        slewed = values.copy()
-        for n in range(1, values.shape[1]):
-            before = slewed[:, n - 1]
-            slewed[:, n] = np.clip(values[:, n], before - most, before + most)
-            if len(levels):
-                slewed[:, n] = _nearest_level(levels, values[:, n], before, most)
-        return slewed
-
-
-def _shortened(dt: Array, lower: float, duration: float) -> Array:
-    """Durations (K, N); those that last too long together approach their lower bound by one share of what is above it."""
-    above = dt - lower
-    excess, left = above.sum(axis=1, keepdims=True), max(duration - dt.shape[1] * lower, 0.0)
-    share = np.divide(left, excess, out=np.ones_like(excess), where=excess > left)
-    return np.where(share < 1.0, lower + share * above, dt)
-
-
-def _nearest_level(levels: Array, wanted: Array, before: Array, most: float) -> Array:
-    """Return the level nearest to `wanted` (K,), of those (L,) within `most` of the one `before` (K,)."""
-    reached = np.abs(levels - before[:, None]) <= most * (1 + ROUNDING)
-    distance = np.where(reached, np.abs(levels - wanted[:, None]), np.inf)
-    return np.asarray(levels[np.argmin(distance, axis=1)])
+        often = "" if self.sample_every is None else f", sample_every={self.sample_every:g}"
+        return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments}{often})"
 
 
 def _levels(given: Any, label: str) -> tuple[float, ...]:

@@ -19,9 +19,10 @@ from ..show.section import Report
 from ..show.table_preview import InNotebooks, first_rows, numbered
 from .experiments import Experiments, checked_columns, columns_of
 from .rest import Rest, Rests, any_rests, as_rests, joined_rests
+from .run_checks import Flags as Flags
+from .run_checks import as_flags, as_period, check_period, check_segments, inputs_before, of_segments
 from .run_files import read_runs, runs_csv
-
-Flags = NDArray[np.bool_]
+from .sampling import divided, multiples, sample_counts
 
 
 class Runs(InNotebooks):
@@ -77,12 +78,12 @@ class Runs(InNotebooks):
         shape = self.u.shape[:2]
         if not shape[1]:
             raise ValueError("u: expected at least one segment, given none")
-        self.dt = _of_segments(as_floats(dt, "dt"), shape, "dt")
-        self.measured: Flags = _of_segments(as_flags(measured), shape, "measured") & (self.dt > 0)
-        _check(self.dt, self.measured)
+        self.dt = of_segments(as_floats(dt, "dt"), shape, "dt")
+        self.measured: Flags = of_segments(as_flags(measured), shape, "measured") & (self.dt > 0)
+        check_segments(self.dt, self.measured)
         self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[2])
         self.rests = as_rests(rest, count)
-        self.before = _inputs_before(before, (count, self.u.shape[2]))
+        self.before = inputs_before(before, (count, self.u.shape[2]))
         self._keep()
 
     @classmethod
@@ -248,8 +249,11 @@ class Runs(InNotebooks):
 
     def first_difference(self, other: Runs, own: NDArray[np.intp]) -> NDArray[np.intp]:
         """Number of segments that each run has in common with other[own], from the start on; 0 where their starts differ."""
-        n = self.dt.shape[1]
-        differs = (self.u != other.u[own]).any(axis=2) | (self.dt != other.dt[own])
+        n, common = self.dt.shape[1], min(self.dt.shape[1], other.dt.shape[1])
+        differs = np.ones(self.dt.shape, dtype=bool)
+        differs[:, :common] = (self.u[:, :common] != other.u[own, :common]).any(axis=2) | (
+            self.dt[:, :common] != other.dt[own, :common]
+        )
         first = np.where(differs.any(axis=1), np.argmax(differs, axis=1), n)
         away = (self.x0 != other.x0[own]).any(axis=1)
         if self.rests is not None or other.rests is not None:
@@ -278,6 +282,54 @@ class Runs(InNotebooks):
         u, measured = np.repeat(self.u, len(parts), axis=1), ends.reshape(dt.shape)
         return Runs._of(self.x0, u, dt, measured, self.columns, self.rests, self.before)
 
+    def sampled(self, every: Any = None, *, at: ArrayLike | None = None) -> Runs:
+        """Return these runs with outputs that are measured at given instants, whatever the segments are.
+
+        Segments are divided at the instants, which are measured, and their other ends are not. An instant that is the end of a
+        segment but for rounding, a billionth of the shortest segment or step, is that end.
+
+        Parameters
+        ----------
+        every : float, or (float, unit)
+            The period of the samples, s: all of its multiples up to the end of each run.
+        at : array_like, (S,)
+            Instants from the start of each run, s, instead; those behind the end of a shorter run are left out.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Where neither or both are given, for instants that do not increase or lie behind the end of every run, and where a run
+            has no sample, or more than a million.
+        """
+        if (every is None) == (at is None):
+            raise ValueError(
+                "sampled: expected one of every, a period, and at, instants; given " + ("none" if at is None else "both")
+            )
+        ends = self.dt.sum(axis=1)
+        if at is None:
+            every = as_period(every, "every")
+            check_period(every, float(ends.min(initial=np.inf)), float(ends.max(initial=0.0)), "every")
+            return self.divided_at(multiples(every, sample_counts(self.dt, every)), every)[0]
+        times = as_floats(at, "at")
+        if times.ndim != 1 or not len(times) or times[0] <= 0 or (np.diff(times) <= 0).any():
+            raise ValueError(f"at: expected increasing instants above zero, in s, given {shown(at)}")
+        within = times <= ends[:, None] * (1 + 1e-12)
+        if not within.any(axis=1).all() or not within.any(axis=0).all():
+            raise ValueError(
+                f"at: expected instants within the runs, which end from {ends.min():g} s to {ends.max():g} s; given {shown(at)}"
+            )
+        return self.divided_at(np.where(within, times, np.inf))[0]
+
+    def divided_at(self, times: Array, every: float | None = None) -> tuple[Runs, NDArray[np.intp]]:
+        """Return these runs divided at times (K, S), where they are measured, and at which segment each of theirs ends, (K, N)."""
+        dt, of, measured, ends = divided(self.dt, times, every)
+        u = self.u[np.arange(len(self))[:, None], of]
+        return Runs._of(self.x0, u, np.array(dt), np.array(measured), self.columns, self.rests, self.before), ends
+
+    def holding(self, u: Array, dt: Array, measured: Flags) -> Runs:
+        """Return these runs with other segments."""
+        return Runs._of(self.x0, u, dt, measured, self.columns, self.rests, self.before)
+
     def measuring(self, flags: Flags) -> Runs:
         """Return these runs with other segments (K, N) measured at their ends."""
         return Runs._of(self.x0, self.u, self.dt, flags & (self.dt > 0), self.columns, self.rests, self.before)
@@ -294,6 +346,8 @@ class Runs(InNotebooks):
         between), and rest_u, of an input u, has the held input. The states then are the guess. Where a controller holds runs there,
         rest_hold and rest_solve name states and inputs as `Rest` has them, and rest_y_q has the output q.
         Inputs before the start stand in before_u, of an input u, where they are given.
+        Runs that are sampled at a period, four times or more in each hold on average, have one row for each hold, and the period
+        in the column sample_every of their first row; their durations are read back to rounding.
         Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
         """
         write_whole(path, runs_csv(self, model))
@@ -343,46 +397,3 @@ def joined(parts: Sequence[Points]) -> Points:
     """Return all parts, one after the other; points are runs of one segment where runs are among them."""
     points = [part for part in parts if isinstance(part, Experiments)]
     return Experiments.join(points) if len(points) == len(parts) else Runs.join([as_runs(part) for part in parts])
-
-
-def as_flags(measured: ArrayLike | None) -> Flags:
-    """Whether the ends of segments are measured, as an array; raise for what is no flags."""
-    try:
-        flags = np.asarray(True if measured is None else measured)
-    except (TypeError, ValueError, OverflowError, RuntimeError):
-        flags = np.empty(0)
-    if flags.dtype != np.bool_:
-        raise ValueError(f"measured: expected flags, given {shown(measured)}")
-    return flags
-
-
-def _inputs_before(given: ArrayLike | None, shape: tuple[int, int]) -> Array | None:
-    """The inputs before each run; NaN where the default counts, None where it does in all."""
-    if given is None:
-        return None
-    try:
-        before = np.asarray(given, dtype=np.float64)
-        before = np.array(np.broadcast_to(before, shape)) if before.ndim else np.empty(0)
-    except (TypeError, ValueError, OverflowError):
-        before = np.empty(0)
-    missing = np.isnan(before)
-    if before.shape != shape or np.isinf(before).any() or (missing.any(axis=1) & ~missing.all(axis=1)).any():
-        raise ValueError(f"before: expected finite inputs of shape {shape}, or rows of NaN, given {shown(given)}")
-    return None if missing.all() else before
-
-
-def _of_segments(array: NDArray[Any], shape: tuple[int, int], name: str) -> NDArray[Any]:
-    """An array of one entry for every segment."""
-    if array.ndim > 2 or (array.ndim and array.shape[-1] != shape[1]) or (array.ndim == 2 and len(array) != shape[0]):
-        raise ValueError(f"{name}: expected shape {shape}, given {array.shape}")
-    return np.broadcast_to(array, shape).copy()
-
-
-def _check(dt: Array, measured: Flags) -> None:
-    for wrong, what in ((dt < 0, "no negative ones"), ((dt[:, :-1] == 0) & (dt[:, 1:] > 0), "none of zero before others")):
-        if wrong.any():
-            k, n = (int(i) for i in np.argwhere(wrong)[0])
-            raise ValueError(f"dt: expected durations in s, {what}, given {dt[k, n]:g} in segment {n} of runs[{k}]")
-    for rows, what in ((~(dt[:, :1] > 0).any(axis=1), "segment"), (~measured.any(axis=1), "measured segment")):
-        if rows.any():
-            raise ValueError(f"runs: expected at least one {what} in each, given none in runs[{int(np.argmax(rows))}]")

@@ -122,17 +122,24 @@ WIDTH = 0.42
 """Inches of a segment with its duration below it."""
 
 
+MANY = 200
+"""Segments of a run from which on outputs are drawn at their ends alone."""
+
+MOST_WIDE = 100
+"""Segments at most that are drawn equally wide."""
+
+
 def shares_of(segments: int) -> tuple[float, ...]:
     """Shares of each segment at which the outputs of runs with so many segments are drawn."""
-    return SHARES if segments > 1 else ALONG
+    return (SHARES if segments < MANY else (1.0,)) if segments > 1 else ALONG
 
 
 class RunTime:
     """Positions at which the instants of a run are drawn.
 
-    A single segment that is fast at first has a logarithmic axis, as a point has. A run with a segment below `SHORTEST` of it has
-    an axis on which all segments are equally wide, with their durations written below; within a segment it is linear. Any other
-    run has an ordinary axis.
+    A single segment that is fast at first has a logarithmic axis, as a point has. A run with a segment below `SHORTEST` of it, and
+    `MOST_WIDE` at most, has an axis on which all segments are equally wide, with their durations written below; within a segment it
+    is linear. Any other run has an ordinary axis.
 
     Parameters
     ----------
@@ -145,7 +152,7 @@ class RunTime:
     def __init__(self, durations: Array, outputs: Array | None = None) -> None:
         self.durations = durations
         self.ends = np.concatenate([[0.0], np.cumsum(durations)])
-        self.by_segment = bool(durations.min() < SHORTEST * self.ends[-1])
+        self.by_segment = len(durations) <= MOST_WIDE and bool(durations.min() < SHORTEST * self.ends[-1])
         self.is_log = len(durations) == 1 and outputs is not None and is_fast(outputs, ALONG)
         self.first = float(durations[0]) * ALONG[begin(outputs)] if self.is_log and outputs is not None else 0.0
         self.factor, self.unit = scale(Quantity("t", "s"), self.ends[-1])

@@ -158,7 +158,8 @@ class Config(ModelFile):
     def _region(self) -> ExperimentRegion | RunRegion | None:
         if self.region is None:
             return None
-        bounds = {axis.name: self.region.bounds[axis.name].pair(axis) for axis in self.build_model().axes}
+        axes = [axis for axis in self.build_model().axes if self.runs is None or axis.name not in self.runs.given]
+        bounds = {axis.name: self.region.bounds[axis.name].pair(axis) for axis in axes}
         if self.runs is None:
             with self._names_key("region"):
                 return ExperimentRegion(bounds, constraints=self.region.constraints)
@@ -297,7 +298,8 @@ def _in_file(key: str, message: str) -> str:
         return f"runs.{message}"
     found = _OF_LIBRARY.fullmatch(message)
     if found is not None:
-        name, entry, said = found.groups()
+        name, entry, part, said = found.groups()
+        entry = f"{entry}.{part}" if entry and part else entry
         if name == key and entry:
             return f"{key}.{entry}: {said}"
         if key == "prior" and entry:
@@ -309,7 +311,7 @@ def _in_file(key: str, message: str) -> str:
     return f"{key}: {message}"
 
 
-_OF_LIBRARY = re.compile(r"(\w+)(?:\['(.*?)'\])?: (.*)")
+_OF_LIBRARY = re.compile(r"(\w+)(?:\['(.*?)'\])?(?:\.(\w+))?: (.*)")
 _TABLES: dict[str, type[BaseModel]] = {
     "runs": RunsTable,
     "rule": RuleTable,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -67,8 +67,11 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         yield from _wrong_pairs("noise_correlation", tables.get("noise_correlation") or {}, outputs, "outputs of [noise]")
     elif "noise" in tables and design is not None and design.output_covariance == "noise":
         yield 'design.output_covariance: expected a table [noise] with "noise", given none'
-    yield from _wrong_bounds(tables.get("region"), model)
-    if (runs := tables.get("runs")) is not None and runs.rest is not None:
+    runs = tables.get("runs")
+    yield from _wrong_bounds(tables.get("region"), model, () if runs is None else runs.given)
+    if runs is not None:
+        yield from wrong_names("runs.profile", runs.profile, names_of(model.inputs))
+    if runs is not None and runs.rest is not None:
         yield from wrong_names("runs.rest.u", runs.rest.u, names_of(model.inputs))
         if not (runs.rest.hold or runs.rest.outputs or runs.rest.solve):  # of a rest under control, `Rest` says what is missing
             yield from missing_entries("runs.rest.u", missing_names(runs.rest.u, names_of(model.inputs)), "the input that is held")
@@ -107,11 +110,14 @@ def mistakes_between(tables: Mapping[str, Any], model: Model) -> Iterator[str]:
         yield from wrong_names("campaign.targets", campaign.targets, estimated)
 
 
-def _wrong_bounds(region: RegionTable | Mapping[str, BoundsEntry | None] | None, model: Model) -> Iterator[str]:
+def _wrong_bounds(
+    region: RegionTable | Mapping[str, BoundsEntry | None] | None, model: Model, given: Collection[str] = ()
+) -> Iterator[str]:
     if region is None:
         return
     bounds = region.bounds if isinstance(region, RegionTable) else region
-    yield from wrong_entries("region", _units(bounds), model.axes, missing="[lower, upper]", also=("constraints",))
+    axes = [axis for axis in model.axes if axis.name not in given]
+    yield from wrong_entries("region", _units(bounds), axes, missing="[lower, upper]", also=("constraints",))
     for name, axis in bounds.items():
         if axis is not None and (len(axis.bounds) != 2 or axis.bounds[0] > axis.bounds[1]):
             yield f"region.{name}.bounds: expected [lower, upper] with lower <= upper, given {toml(axis.bounds)}"

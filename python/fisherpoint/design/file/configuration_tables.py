@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
+from inspect import signature
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -20,6 +21,8 @@ from ...basics.units import convert_unit, same_zero
 from ...information.local import Local
 from ...models import Model
 from ...noise.models import GaussMarkov, Noise
+from ...points.profile_kinds import PROFILES
+from ...points.profiles import InputProfile
 from ...points.rest import Rest
 from ...points.settings import COARSEST, FINEST
 from ...prior.gaussian import MOST_RELATIVE_STD
@@ -191,6 +194,12 @@ class Change(Constant):
     value: Positive
 
 
+class Period(Constant):
+    """Time from one sample to the next, s: a bare number or ``{value, unit}``."""
+
+    value: Positive
+
+
 class RestTable(Table):
     """How runs start at rest, as `Rest` has it: held inputs, and what else is given or found."""
 
@@ -215,6 +224,39 @@ def _in_units(table: Mapping[str, Constant], quantities: Iterable[Quantity]) -> 
     return {name: convert_unit(entry.value, *known[name]) for name, entry in table.items()}
 
 
+class ProfileTable(Table):
+    """How the values of an input follow from a few numbers, as the class of its kind has it."""
+
+    kind: Literal["held", "ramps", "spline", "multisine", "chirp", "prbs", "given"]
+    knots: Count | None = None
+    harmonics: Count | list[Count] | None = None
+    bandwidth: list[Positive] | None = None
+    crest: Positive | None = None
+    sweep: Literal["linear", "logarithmic"] | None = None
+    order: Count | None = None
+    hold: list[Count] | None = None
+    values: list[Number] | None = None
+    t: list[Number] | None = None
+
+    @model_validator(mode="after")
+    def _keys_of_the_kind(self) -> ProfileTable:
+        taken = signature(PROFILES[self.kind]).parameters
+        for key in self.model_dump(exclude={"kind"}, exclude_none=True):
+            if key not in taken:
+                fail(f"{key}: expected only for another kind of profile, given with kind = {toml(self.kind)}")
+        for key in (key for key, of in taken.items() if of.default is of.empty and getattr(self, key) is None):
+            fail(f"{key}: missing, for kind = {toml(self.kind)}")
+        return self
+
+    def build(self, name: str) -> InputProfile:
+        """The profile of an input."""
+        given = self.model_dump(exclude={"kind"}, exclude_none=True)
+        try:
+            return PROFILES[self.kind](**{key: tuple(of) if isinstance(of, list) else of for key, of in given.items()})
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"profile['{name}'].{error}") from error
+
+
 class RunKeys(Table):
     """Runs of several segments instead of points: how many, of what length, and what of them may vary."""
 
@@ -226,21 +268,37 @@ class RunKeys(Table):
     duration: Positive | None = None
     lead_in: Annotated[int, Field(ge=0)] = 0
     samples: Count | None = None
+    sample_every: Period | None = None
     rest: RestTable | None = None
+    profile: dict[str, ProfileTable] = Field(default_factory=dict)
+
+    @property
+    def given(self) -> list[str]:
+        """Inputs that are not designed."""
+        return [name for name, table in self.profile.items() if table.kind == "given"]
 
     @model_validator(mode="after")
     def _something_is_measured(self) -> RunKeys:
         if self.lead_in >= self.segments:
             fail(f"runs.lead_in: expected fewer than all {self.segments} segments, given {self.lead_in}")
+        if self.lead_in and self.sample_every is not None:
+            fail(f"runs.lead_in: expected none beside runs.sample_every, given {self.lead_in}")
         return self
 
     def options(self, model: Model) -> dict[str, Any]:
         """Keyword arguments for `RunRegion`."""
         given = self.model_dump(include={"segments", "constant", "shared", "duration", "samples"})
         given["levels"] = {name: [*of.values, of.unit] if of.unit else of.values for name, of in self.levels.items()}
-        given["slew"] = {name: (of.value, of.unit) if of.unit else of.value for name, of in self.slew.items()}
+        given["slew"] = {name: _with_unit(of) for name, of in self.slew.items()}
+        if self.sample_every is not None:
+            given["sample_every"] = _with_unit(self.sample_every)
+        given["profile"] = {name: table.build(name) for name, table in self.profile.items()}
         rest = None if self.rest is None else self.rest.build(model)
         return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}
+
+
+def _with_unit(given: Constant) -> Any:
+    return (given.value, given.unit) if given.unit else given.value
 
 
 class RuleTable(Table):

@@ -13,6 +13,7 @@ from ...basics.values import FrozenMapping
 from ...information.evaluation import Evaluation
 from ...information.feasibility import Feasibility
 from ...information.problem import DesignProblem
+from ...points.profiles import Fact
 from ...points.runs import Runs
 from ..goal.criteria import Criterion
 from ..goal.goal_criterion import criterion_of_design
@@ -55,6 +56,8 @@ class FoundRuns:
         The first so many runs were given, and stay.
     scenarios : ScenarioValues or None
         What the runs are worth in the scenarios of a criterion over the prior; None where it is of the prior mean.
+    signals : mapping of input to tuple of runs
+        The numbers of each input that follows a profile, such as frequencies and amplitudes, of each run that was designed.
     ridge : float
         Share of the prior's information that was added to F where no runs of the region determine all parameters, to compare
         runs; else 0. No figure of the design contains it.
@@ -77,6 +80,7 @@ class FoundRuns:
     scenarios: ScenarioValues | None = None
     n_kept: int = 0
     ridge: float = 0.0
+    signals: Mapping[str, tuple[tuple[Fact, ...], ...]] = FrozenMapping({})
 
     _EXTENTS: ClassVar[Extents] = {
         "runs.x0": ("n", "problem.model.states"),

@@ -194,6 +194,7 @@ def design_runs(
         classical_shares=FrozenMapping({name: one.share for name, one in end.classical.items()}),
         n_kept=0 if kept is None else len(kept),
         ridge=RIDGE if search.singular else 0.0,
+        signals=search.signals(end.z),
     )
 
 
@@ -208,8 +209,9 @@ def _with_kept(kept: Runs | None, runs: Runs) -> Runs:
 
 
 class _End(NamedTuple):
-    """The design, what it is worth, which unseen plants can run it, the classical runs beside it, and what ended the search."""
+    """The design by its numbers and as it is carried out, what it is worth, and on which plants; classical runs; why it ended."""
 
+    z: Array
     runs: Runs
     value: float
     tried: Feasibility
@@ -218,7 +220,7 @@ class _End(NamedTuple):
 
 
 def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
-    """The best runs, on plants that the search has not seen.
+    """The best runs, on plants that the search has not seen, which are computed by their held segments.
 
     Where a classical design says more, and as many of these plants can run it, it is the design.
     """
@@ -227,7 +229,7 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
         seed = search.seed + UNSEEN
         return feasibility_within(search.problem, _with_kept(kept, runs), DRAWS, seed, search.threads, search.clock.over)
 
-    runs, value = search.planned(search.best), search.best.value
+    z, runs, value = search.best.z, search.planned(search.best), search.best.value
     try:
         runs, value = search.tidy(search.best) if reason == StopReason.completed else (runs, value)
     except KeyboardInterrupt:
@@ -241,10 +243,10 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
             of_plants = tried if same else on_unseen(own)
             classical[name] = ClassicalRuns(value if same else found.value, of_plants.share)
             if found.value > value and of_plants.share >= tried.share:
-                runs, value, tried = own, found.value, of_plants
+                z, runs, value, tried = found.z, own, found.value, of_plants
     except KeyboardInterrupt:
         reason = StopReason.interrupted
-    return _End(runs, value, tried, classical, reason)
+    return _End(z, search.sampled(runs), value, tried, classical, reason)
 
 
 def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:

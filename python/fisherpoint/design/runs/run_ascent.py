@@ -53,7 +53,9 @@ def ascend(
             moving = linear.variable >= 0
             here = np.empty(linear.variable.max() + 1)
             here[linear.variable[moving]] = z[moving]
-            changes = trial_changes(linear, here, reach, shares, objective.clock.late)
+            steep = np.ones(len(here))
+            steep[linear.variable[moving]] = objective.coordinates.steepness(z)[moving]
+            changes = trial_changes(linear, here, reach / steep, shares, objective.clock.late)
             tried = np.tile(z, (len(changes), 1, 1))
             tried[:, moving] = np.clip(here + changes, 0.0, 1.0)[:, linear.variable[moving]]
             values = objective.values(tried, selected)

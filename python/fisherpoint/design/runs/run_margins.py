@@ -9,6 +9,7 @@ limit. The share of the plants that can run a design is computed from its trajec
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.problem import DesignProblem
@@ -38,18 +39,22 @@ class RunMargins:
             parts = np.concatenate([parts, further])
         self._parts = parts
 
-    def distances(self, tangents: RunTangents) -> Array:
-        """Distances of each run at each segment's end from each limit, (K, N, c), in standard deviations."""
-        count, segments = tangents.runs.dt.shape
-        each = max(1, self._tuning.states_at_once // (segments * (1 + len(self._parts))))
-        parts = [self._distances(tangents, slice(first, first + each)) for first in range(0, count, each)]
-        return np.concatenate(parts)
+    def distances(self, tangents: RunTangents, looks: NDArray[np.intp] | None = None) -> Array:
+        """Distances of each run at the ends of segments `looks` (K, M) from each limit, (K, M, c), in standard deviations.
 
-    def _distances(self, tangents: RunTangents, some: slice) -> Array:
+        Without them they are those of all segments, (K, N, c).
+        """
+        count, segments = tangents.runs.dt.shape if looks is None else looks.shape
+        each = max(1, self._tuning.states_at_once // (segments * (1 + len(self._parts))))
+        some = [slice(first, first + each) for first in range(0, count, each)]
+        return np.concatenate([self._distances(tangents, one, None if looks is None else looks[one]) for one in some])
+
+    def _distances(self, tangents: RunTangents, some: slice, looks: NDArray[np.intp] | None) -> Array:
         runs = tangents.runs[some]
-        there = runs.dt > 0
+        there = runs.dt > 0 if looks is None else np.ones(looks.shape, dtype=bool)
         x, theta = tangents.x[some, 1:], tangents.theta[some]
-        k, n = np.nonzero(there)
+        k, place = np.nonzero(there)
+        n = place if looks is None else looks[k, place]
         moves = tangents.dx[some][k, n] @ self._parts.T  # (S, n_x, q)
         q = len(self._parts)
         states = np.concatenate([x[k, n][None], x[k, n] + moves.transpose(2, 0, 1)])
@@ -64,7 +69,7 @@ class RunMargins:
             near = h[0] / spread
         most = self._tuning.most_distance
         found = np.full((*there.shape, h.shape[2]), most)
-        found[k, n] = np.where(np.isfinite(near), np.minimum(near, most), 0.0)
+        found[k, place] = np.where(np.isfinite(near), np.minimum(near, most), 0.0)
         return found
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...basics.values import Array
 from ...information.run_tangents import RunTangents
-from ...points.run_region import RunCoordinates
+from ...points.run_coordinates import RunCoordinates
 from .run_objective import RunObjective
 from .tuning import RunSearchTuning
 
@@ -54,7 +54,7 @@ def best_moves(
 def _along(objective: RunObjective, z: Array, k: int, selected: NDArray[np.bool_] | None) -> RunTangents:
     """Tangents of one run, which others continue that are equal up to some segment."""
     run = objective.tried(z[k : k + 1], None if selected is None else selected[k : k + 1])
-    return objective.tangents(run, outputs_alone=False)
+    return objective.tangents(run.runs, outputs_alone=False)
 
 
 def _in_turn(objective: RunObjective, z: Array, rng: np.random.Generator, others: Array) -> Array:
@@ -85,6 +85,8 @@ def moved_runs(
 ) -> Array:
     """Free numbers (M, d) of runs that differ from z (d,) by one change; what runs share stays.
 
+    Numbers of a profile change one by one, or all of them are drawn anew, or are those of one of `others`.
+
     A number goes to another value; two segments swap theirs, or a profile is shifted or turned round; a hold takes the value of the
     one beside it; a block of segments gets one value, or is that of one of `others` (K, d).
     """
@@ -95,6 +97,17 @@ def moved_runs(
             found += [_swaps(z, where, rng, tuning), _shifts(z, where), _merges(z, where), _blocks(z, where, rng, tuning)]
             if others is not None and len(others):
                 found.append(_parts(z, where, others, rng, tuning))
+    quiet = coordinates.quiet
+    for one in coordinates.profiles:
+        moved = np.tile(z, (tuning.most_blocks, 1))
+        for row in moved:
+            anew = others is None or not len(others) or rng.random() < 0.5
+            row[one.where] = (
+                one.profile.drawn(rng, one.clock, float(quiet[one.where.start]))
+                if anew or others is None
+                else others[rng.integers(len(others)), one.where]
+            )
+        found.append(moved)
     return np.concatenate(found)
 
 
@@ -104,9 +117,11 @@ def _some(moved: Array, most: int, rng: np.random.Generator) -> Array:
 
 def _single(coordinates: RunCoordinates, z: Array, tuning: RunSearchTuning) -> Array:
     number, values = [], []
+    of_profiles = {j for one in coordinates.profiles for j in range(one.where.start, one.where.stop)}
     for j, levels in enumerate(coordinates.stepped):
         if not coordinates.shared[j]:
-            grid = np.linspace(0, 1, tuning.grid_values) if levels == 0 else (np.arange(levels) + 0.5) / levels
+            fine = tuning.grid_values if j not in of_profiles else tuning.grid_values_of_profiles
+            grid = np.linspace(0, 1, fine) if levels == 0 else (np.arange(levels) + 0.5) / levels
             number += [j] * len(grid)
             values += grid.tolist()
     moved = np.tile(z, (len(number), 1))

@@ -16,7 +16,7 @@ from ...basics.values import Array, IntArray
 from ...information.problem import DesignProblem
 from ...information.run_information import information_matrices
 from ...information.run_tangents import RunTangents, run_tangents, tangents_from
-from ...points.run_region import RunCoordinates
+from ...points.run_coordinates import RunCoordinates
 from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
 from ...points.settings import Integration
@@ -25,6 +25,7 @@ from ..goal.criteria import Criterion
 from ..goal.scenario_average import Average
 from .run_clock import Clock
 from .run_margins import RunMargins, costs_of
+from .tried_runs import TriedRuns
 from .tuning import RunSearchTuning
 
 T = TypeVar("T")
@@ -114,40 +115,42 @@ class RunObjective:
         self._rows = (tuning.least_rows_at_once, tuning.most_rows_at_once) if native else (1, 1)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
 
-    def judged(self, runs: Runs) -> Judged:
+    def judged(self, runs: TriedRuns) -> Judged:
         """What runs are worth, each by itself."""
 
         def part(some: slice) -> Judged:
-            return self._judged(self.tangents(runs[some], threads=1), len(runs[some]))
+            own = runs[some]
+            return self._judged(self.tangents(own.runs, threads=1), own)
 
         return Judged.join(self.in_parts(part, len(runs)))
 
-    def judged_beside(self, base: RunTangents, runs: Runs) -> Judged:
+    def judged_beside(self, base: RunTangents, runs: TriedRuns) -> Judged:
         """What runs are worth that differ little from one run, whose tangents with all states are known.
 
         Each is computed from the segment on where it differs; those that differ about there share the lanes of a pack.
         """
-        differ = runs.first_difference(base.runs, np.zeros(len(runs), dtype=np.intp))
+        differ = runs.runs.first_difference(base.runs, np.zeros(len(runs), dtype=np.intp))
         order = np.argsort(differ, kind="stable")
         runs = runs[order]
 
         def part(some: slice) -> Judged:
             own = runs[some]
-            many, theta = self.on_plants(own)
+            many, theta = self.on_plants(own.runs)
             lanes = np.repeat(np.arange(len(self.plants)), len(own))
             settings = self.settings._replace(threads=1)
             there = tangents_from(self.problem, base, lanes, many, theta, settings, outputs_alone=not self.costly)
-            return self._judged(there, len(own))
+            return self._judged(there, own)
 
         return Judged.join(self.in_parts(part, len(runs))).some(np.argsort(order))
 
     def rows(self, runs: Runs) -> Array:
-        """Whitened rows (R, K, m, p) of runs, each by itself."""
+        """Whitened rows (R, K, m, p) of runs, each by itself; of many samples p rows with the same information."""
 
         def part(some: slice) -> Array:
             of_all = self.tangents(runs[some], threads=1).rows(self.problem).sensitivity
             white = of_all / np.sqrt(np.diag(self.problem.noise_covariance))[:, None]
-            return white.reshape(len(self.plants), -1, white.shape[1] * white.shape[2], white.shape[3])
+            white = white.reshape(len(self.plants), -1, white.shape[1] * white.shape[2], white.shape[3])
+            return white if self.coordinates.every is None else np.asarray(np.linalg.qr(white, mode="r"))
 
         return np.concatenate(self.in_parts(part, len(runs)), axis=1)
 
@@ -187,11 +190,15 @@ class RunObjective:
         values = self.averages(f + self.previous) - judged.costs.reshape(designs, runs).sum(axis=1)
         return np.where(judged.ok.reshape(designs, runs).all(axis=1), values, -np.inf)
 
-    def tried(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:
-        """Runs with free numbers z (K, d), which measure the `selected` (K, N) samples, in as short segments as costs need."""
-        runs = self.coordinates.runs(z)
-        runs = runs if selected is None else runs.measuring(selected)
-        return runs.divided(np.arange(1, self.looks + 1) / self.looks) if self.costly else runs
+    def tried(self, z: Array, selected: NDArray[np.bool_] | None, counts: NDArray[np.intp] | None = None) -> TriedRuns:
+        """Runs with free numbers z (K, d), which measure the `selected` (K, N) samples, in as short segments as costs need.
+
+        Those with a period of samples measure the first `counts` (K,) of these, all by default.
+        """
+        held = self.coordinates.held(z)
+        held = held if selected is None else held.measuring(selected)
+        held = held.divided(np.arange(1, self.looks + 1) / self.looks) if self.costly else held
+        return TriedRuns(*self.coordinates.sampled(held, counts))
 
     @property
     def costly(self) -> bool:
@@ -203,6 +210,9 @@ class RunObjective:
         self.work += count * len(self.plants) * self.coordinates.segments
         least, most = (-(-rows // len(self.plants)) for rows in self._rows)
         each = min(max(-(-count // self._threads), least), most)
+        if self.coordinates.every is not None:
+            parts_of_run = self.coordinates.parts(self.looks if self.costly else 1) * len(self.plants)
+            each = min(each, max(1, self.tuning.most_parts_at_once // parts_of_run))
         parts = [slice(first, min(first + each, count)) for first in range(0, count, each)]
 
         def timed(some: slice) -> T:
@@ -223,7 +233,7 @@ class RunObjective:
         """How far runs with free numbers z (K, d) come on the plant on which they end first."""
 
         def part(some: slice) -> Lasted:
-            runs = self.coordinates.runs(z[some])
+            runs = self.coordinates.held(z[some])
             many, theta = self.on_plants(runs)
             assumed = self.problem.assumed
             model = self.problem.limited if assumed is None else assumed.model
@@ -250,14 +260,18 @@ class RunObjective:
         settings = self.settings._replace(threads=threads or self.settings.threads)
         return run_tangents(self.problem, many, theta, settings, outputs_alone=alone)
 
-    def _judged(self, tangents: RunTangents, count: int) -> Judged:
-        """Judge `count` runs by their tangents, plant after plant."""
-        plants = len(self.plants)
+    def distances(self, tangents: RunTangents, own: TriedRuns) -> Array:
+        """Distances to limits of runs on every plant, plant after plant, by their tangents."""
+        return self.margins.distances(tangents, None if own.looks is None else np.tile(own.looks, (len(self.plants), 1)))
+
+    def _judged(self, tangents: RunTangents, own: TriedRuns) -> Judged:
+        """Judge runs by their tangents, plant after plant."""
+        plants, count = len(self.plants), len(own)
         rows = tangents.rows(self.problem)
         f = information_matrices(self.problem, rows.sensitivity)
         costs = np.zeros(len(f))
         if self.costly:
-            costs = costs_of(self.margins.distances(tangents), self.kappa, self.tuning.ascent.distance_cost)
+            costs = costs_of(self.distances(tangents, own), self.kappa, self.tuning.ascent.distance_cost)
         return Judged(
             f.reshape(plants, count, *f.shape[1:]).swapaxes(0, 1),
             (rows.status.reshape(plants, count) == Status.ok).all(axis=0),

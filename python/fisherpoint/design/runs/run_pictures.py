@@ -15,10 +15,11 @@ from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
 from ...points.run_trajectories import checked_run_trajectories
 from ...points.runs import Runs
+from ...points.sampling import holds_of
 from ...points.status import Status
 from ...show.numbers import counted
 from ...show.style import NOISE, PRIOR, STYLE, TEXT, Picture, labelled, scale, show_under_mouse
-from ...show.time_axes import RunTime, shares_of
+from ...show.time_axes import MANY, RunTime, shares_of
 from .sampled_plants import RunPlants
 
 DRAWN = 100
@@ -41,16 +42,16 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
     spread, reached = plants.outputs(fine)
     limits = {name: values for name, values in limits_of(problem).items() if name in names_of(model.outputs)}
     rows, columns = len(model.inputs) + len(model.outputs), len(shown)
-    times = [
-        RunTime(dt[:n], y if len(dt) == 1 else None) for dt, n, y in zip(shown.dt, shown.segments.tolist(), mean.y, strict=True)
-    ]
+    of = holds_of(shown.u, shown.dt, shown.measured)
+    times = [RunTime(dt[dt > 0], y if shown.dt.shape[1] == 1 else None) for dt, y in zip(of.dt, mean.y, strict=True)]
     width = max(4.2, *(time.width for time in times))
     with mpl.rc_context(STYLE):
         figure = Picture(figsize=(1.5 + width * columns, 0.6 + 1.5 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
         for k, time in enumerate(times):
             n = int(shown.segments[k])
-            t, looks = time(time.ends), time.within(np.array(shares))
+            t = time(np.append(0.0, shown.t[k, :n]))
+            looks = time.within(np.array(shares)) if np.isnan(of.every[k]) else time(fine.t[k, : n * looks_each])
             for i, quantity in enumerate(model.inputs):
                 factor, unit = scale(quantity, shown.u[:, :, i])
                 held = factor * np.append(shown.u[k, :n, i], shown.u[k, n - 1, i])
@@ -69,7 +70,7 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
                 show_under_mouse([line], f"run {k + 1}: {labelled(quantity.name, unit)} at the prior mean, {samples}", f"{k}-{j}")
                 at = np.flatnonzero(shown.measured[k, :n])
                 sampled = mean.y[k, at * looks_each + looks_each - 1, j]
-                axes.plot(t[at + 1], factor * sampled, "o", color=NOISE, markersize=3.2)
+                axes.plot(t[at + 1], factor * sampled, "o", color=NOISE, markersize=3.2 if len(at) < MANY else 1.2)
                 grid[len(model.inputs) + j, 0].set_ylabel(labelled(quantity.name, unit))
             grid[0, k].set_title(f"run {k + 1}")
             time.mark(grid[:, k])

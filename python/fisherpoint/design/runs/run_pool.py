@@ -162,19 +162,19 @@ class RunPool:
     @property
     def rows(self) -> Array:
         """Whitened rows (R, K, m, p) of all of them."""
-        return self._objective.rows(self._objective.tried(self._z, None))
+        return self._objective.rows(self._objective.coordinates.runs(self._z))
 
     def _count(self, z: Array, lasted: Lasted) -> None:
         """Why runs do not reach their ends, and which limit it was."""
         objective = self._objective
         rows = np.flatnonzero(~lasted.ok).tolist()
         if rows:
-            theta, runs = objective.plants[lasted.plant], objective.coordinates.runs(z)
+            theta, runs = objective.plants[lasted.plant], objective.coordinates.held(z)
             self.rejected.update(statuses_in_words(objective.problem.limited, runs, theta, objective.settings, lasted.status, rows))
 
     def best(self, count: int) -> Runs:
-        """The runs that say most, each by itself, whatever they cost."""
-        return self._objective.coordinates.runs(self._z[np.argsort(-self._values(), kind="stable")[:count]])
+        """The held segments of the runs that say most, each by itself, whatever they cost."""
+        return self._objective.coordinates.held(self._z[np.argsort(-self._values(), kind="stable")[:count]])
 
     def best_numbers(self, count: int) -> Array:
         """Free numbers (count, d) of the best runs, less what they cost."""

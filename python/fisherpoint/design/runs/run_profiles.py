@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ...basics.values import Array
-from ...points.run_region import RunCoordinates
+from ...points.run_coordinates import RunCoordinates
 
 AT_BOUND = 0.5
 """Share of starts and levels that lie on a bound, where optima mostly are."""
@@ -42,6 +42,8 @@ def draw_runs(
             if profile in RETURNING and OFF_BOUND < (middle := quiet[where.start]) < 1 - OFF_BOUND:
                 values = middle + (values - 0.5) * (2 * min(middle, 1 - middle))
             z[k, where] = values
+        for one in coordinates.profiles:
+            z[k, one.where] = one.profile.drawn(rng, one.clock, float(quiet[one.where.start]))
         if len(durations) > 1 and rng.random() < 0.5:  # segments of one length
             z[k, durations] = rng.random()
         else:

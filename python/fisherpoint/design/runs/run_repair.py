@@ -67,11 +67,12 @@ def _held(objective: RunObjective, rng: np.random.Generator) -> Array:
     for name in coordinates.input_names:
         where = np.array([one == name for one in coordinates.names])
         z[held // 4 :, where] = rng.integers(0, levels, (held - held // 4, 1)) / (levels - 1)
-    return z
+    return np.array([coordinates.still(one) for one in z])
 
 
 def _prolonged(objective: RunObjective, z: Array, end: int, rng: np.random.Generator) -> Array:
     """Runs whose inputs differ in some segments before the end, (children, d)."""
+    quiet = objective.coordinates.quiet
     found, levels = np.tile(z, (objective.tuning.prolonged_children, 1)), objective.tuning.held_levels
     for child in found:
         for _, where in objective.coordinates.inputs:
@@ -79,4 +80,6 @@ def _prolonged(objective: RunObjective, z: Array, end: int, rng: np.random.Gener
             first = last - int(np.ceil(last ** rng.random()))
             stop = first + int(np.ceil((last - first) * rng.random()))
             child[where][first:stop] = rng.integers(0, levels) / (levels - 1)
+        for one in objective.coordinates.profiles:
+            child[one.where] = one.profile.drawn(rng, one.clock, float(quiet[one.where.start]))
     return found

@@ -46,7 +46,7 @@ def run_report(design: FoundRuns) -> Report:
     if problem.local_parameters:
         goal.append(Section("Estimated too", (), [("local parameters", local_in_words(problem.local_parameters))]))
     parameter_table, *criterion = inner.sections
-    tables = [*runs_tables(problem.model, runs, design.n_kept), *divided(_with_means(parameter_table, problem))]
+    tables = [*runs_tables(problem.model, runs, design.n_kept), *_signals(design), *divided(_with_means(parameter_table, problem))]
     tables += [*(_summed(one, design.evaluation) for one in criterion), *goal, *_known(design)]
     sections = [*tables, *over, *plants, _search(design), *_classical(design)]
     return Report(headline, sections, [*_warnings(design), *inner.warnings])
@@ -70,6 +70,15 @@ def _summed(section: Section, evaluation: Evaluation) -> Section:
             fact = f"{value + level * np.log(evaluation.n_points / 2):.4f}" + fact[fact.index(" (") :].replace(OF_MEAN, OF_SUM)
         rows.append((name, fact))
     return replace(section, rows=rows)
+
+
+def _signals(design: FoundRuns) -> Iterator[Section]:
+    """The numbers of profiles of inputs, a column for each run."""
+    for name, runs in design.signals.items():
+        first = design.n_kept + 1
+        columns = [name, "unit", *(f"run {first + k}" for k in range(len(runs)))]
+        rows = [(of[0].name, of[0].unit, *(number(one.value) for one in of)) for of in zip(*runs, strict=True)]
+        yield from divided(Section(f"Profile of {name}", columns, rows), keys=2)
 
 
 def _known(design: FoundRuns) -> Iterator[Section]:

@@ -14,7 +14,8 @@ import numpy as np
 from ...basics.quantity import names_of
 from ...basics.values import Array
 from ...models import Model
-from ...points.run_region import DECADE, RunRegion
+from ...points.run_coordinates import DECADE
+from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from .tuning import RunSearchTuning
 
@@ -86,7 +87,8 @@ class _Fits:
         self._region, states, inputs = region, names_of(model.states), names_of(model.inputs)
         resting = () if region.rest is None else region.rest.names(states)
         self._starts = [(i, *region.bounds[name]) for i, name in enumerate(states) if name not in resting and self._free(name)]
-        self._inputs = [(i, *region.bounds[name]) for i, name in enumerate(inputs) if self._free(name)]
+        held = [(i, name) for i, name in enumerate(inputs) if name not in region.given and region.profile_of(name) is None]
+        self._inputs = [(i, *region.bounds[name]) for i, name in held if self._free(name)]
         self._merged = [one for one in self._inputs if inputs[one[0]] not in (*region.constant, *region.shared)]
         self._slew = [(i, region.slew[name]) for i, name in enumerate(inputs) if name in region.slew]
 

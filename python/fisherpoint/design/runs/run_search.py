@@ -13,16 +13,18 @@ Its work is counted in starts and iterations, so that it finds the same on every
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.stop_reason import StopReason
-from ...basics.values import Array
+from ...basics.values import Array, FrozenMapping
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
-from ...points.run_region import RunCoordinates, RunRegion
+from ...points.profiles import Fact
+from ...points.run_coordinates import RunCoordinates
+from ...points.run_region import RunRegion
 from ...points.runs import Runs
 from ...show.progress import Progress
 from ..goal.criteria import Criterion
@@ -41,6 +43,7 @@ from .run_references import classical_runs
 from .run_rounding import tidied
 from .sample_choice import best_samples
 from .sampled_plants import RunPlants
+from .tried_runs import TriedRuns
 from .tuning import RunSearchTuning
 
 
@@ -95,7 +98,7 @@ class RunSearch:
         self.n_runs = n_runs = settings.n_runs - (0 if kept is None else len(kept))
         self.n_starts, self.seed = settings.n_starts, settings.seed
         self._share_of_plants = settings.goal.share_of_plants
-        self.coordinates: RunCoordinates = region.coordinates(problem.model)
+        self.coordinates = RunCoordinates(region, problem.model)
         self._settings = problem.integration(threads)
         finer = self._settings._replace(rtol=min(self._settings.rtol, tuning.trajectory_rtol))
         self.objective = RunObjective(problem, self.coordinates, plants, average, previous, criteria, finer, clock, tuning)
@@ -150,12 +153,25 @@ class RunSearch:
         return sum(end.value >= least and end.feasible == self.best.feasible for end in self.ends)
 
     def planned(self, found: ReachedRuns) -> Runs:
-        """The runs that were found."""
+        """The runs that were found, by their held segments; `sampled` has them as they are carried out."""
         return self._planned(found.z, found.selected)
 
     def _planned(self, z: Array, selected: NDArray[np.bool_] | None) -> Runs:
-        runs = self.coordinates.runs(z)
-        return runs if selected is None else runs.measuring(selected)
+        held = self.coordinates.held(z)
+        return held if selected is None else held.measuring(selected)
+
+    def sampled(self, held: Runs) -> Runs:
+        """Runs of held segments as they are sampled."""
+        return self.coordinates.sampled(held)[0]
+
+    def signals(self, z: Array) -> Mapping[str, tuple[tuple[Fact, ...], ...]]:
+        """The numbers of profiles of runs (L, d), by input."""
+        each = [self.coordinates.facts(one) for one in z]
+        return FrozenMapping({name: tuple(one[name] for one in each) for name in each[0]})
+
+    def _ends(self, held: Runs) -> bool:
+        """Whether runs end at the prior mean, at the problem's own tolerance."""
+        return not run_rows(self.problem, self.sampled(held), self.problem.theta, self._settings).status.any()
 
     def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         """Search to the end, or until it is late or interrupted; there are runs then in any case."""
@@ -244,7 +260,7 @@ class RunSearch:
 
     def _judged(self, z: Array, selected: NDArray[np.bool_] | None) -> ReachedRuns:
         planned = self._planned(z, selected)
-        if run_rows(self.problem, planned, self.problem.theta, self._settings).status.any():
+        if not self._ends(planned):
             return ReachedRuns(z, selected, -np.inf, 0.0, False, False, (False, False, -np.inf))
         judged = self.objective.judged(self.objective.tried(z, selected))
         value = self.objective.of(judged) + float(judged.costs.sum())
@@ -257,7 +273,8 @@ class RunSearch:
         return ReachedRuns(z, selected, value, share, enough, regular, (regular, enough, worth))
 
     def tidy(self, found: ReachedRuns) -> tuple[Runs, float]:
-        """The runs that were found with round numbers where that changes next to nothing, and what they are worth then."""
+        """The held segments of the runs that were found, with round numbers where that changes next to nothing, and what they
+        are worth then."""
         runs, objective = self.planned(found), self.objective
         if self.singular or not found.regular:
             return runs, found.value
@@ -266,14 +283,13 @@ class RunSearch:
         objective.kappa = 0.0
 
         def worth(designs: list[Runs]) -> Array:
-            judged = objective.judged(Runs.join(designs))
+            judged = objective.judged(TriedRuns(self.sampled(Runs.join(designs))))
             shape = len(designs), len(runs)
             total = judged.matrices.reshape(*shape, *judged.matrices.shape[1:]).sum(axis=1) + objective.previous
             return np.where(judged.ok.reshape(shape).all(axis=1), objective.averages(total), -np.inf)
 
         def able(design: Runs) -> bool:
-            good = not run_rows(self.problem, design, self.problem.theta, self._settings).status.any()
-            return good and (not found.feasible or self.guard.enough(self.guard.share(design)))
+            return self._ends(design) and (not found.feasible or self.guard.enough(self.guard.share(design)))
 
         least = max([found.value - self.tuning.most_lost_by_rounding, *rivals])
         try:

@@ -19,6 +19,7 @@ from ...points.status import Status
 from ..goal.determinant import slopes_of
 from .linear_rows import LinearRows
 from .run_objective import RunObjective
+from .tried_runs import TriedRuns
 
 
 class _RunParts(NamedTuple):
@@ -39,16 +40,19 @@ def linear_rows(
     """
     count = len(z)
     base = objective.tried(z, selected)
-    along = objective.tangents(base, outputs_alone=False)
+    along = objective.tangents(base.runs, outputs_alone=False)
     if along.status.any():
         return None
-    measured_segments = np.flatnonzero(base.measured.any(axis=0))
-    here = _parts(objective, along, measured_segments)
+    # Samples on a clock of their own stay where they are when segments move, up to the last one, also of runs that become shorter.
+    counts = None if base.looks is None else base.runs.measured.sum(axis=1)
+    samples = int(base.runs.measured.sum(axis=1).max())
+    here = _parts(objective, along, base, samples)
     variable = _variables(objective, count, (here.rows.size + here.distances.size) // count, rng)
     run, number = np.nonzero(variable >= 0)
     if not len(run):
         return None
-    inward = np.where(z[run, number] < 0.5, objective.tuning.difference_step, -objective.tuning.difference_step)
+    step = objective.tuning.difference_step / objective.coordinates.steepness(z)[run, number]
+    inward = np.where(z[run, number] < 0.5, step, -step)
 
     def beside(step: Array) -> _RunParts:
         """Parts of runs that each have one number changed by a step."""
@@ -57,11 +61,12 @@ def linear_rows(
             own = run[some]
             moved = z[own]
             moved[np.arange(len(own)), number[some]] += step[some]
-            many, theta = objective.on_plants(objective.tried(moved, None if selected is None else selected[own]))
+            tried = objective.tried(moved, None if selected is None else selected[own], None if counts is None else counts[own])
+            many, theta = objective.on_plants(tried.runs)
             lanes = (own[:, None] + count * np.arange(len(objective.plants))).T.ravel()  # of `along`, plant after plant
             settings = objective.settings._replace(threads=1)
             there = tangents_from(objective.problem, along, lanes, many, theta, settings, outputs_alone=not objective.costly)
-            return _parts(objective, there, measured_segments)
+            return _parts(objective, there, tried, samples)
 
         parts = objective.in_parts(part, len(run))
         return _RunParts(*(np.concatenate([one[k] for one in parts], axis=0 if k == 2 else 1) for k in range(3)))
@@ -83,9 +88,10 @@ def linear_rows(
         better = far.ok & near.ok & (outward != 0.0) if central else far.ok & ~near.ok & (outward != 0.0)
         other = slopes(near, far, inward - outward, better) if central else slopes(far, at_own, outward, better)
         by_rows[better], by_distances[better] = other[0][better], other[1][better]
+    rows, row_slopes = _by_few_rows(here.rows, _by_run(by_rows, run, number, z.shape), objective.tuning.many_samples)
     return LinearRows(
-        here.rows,
-        _by_run(by_rows, run, number, z.shape),
+        rows,
+        row_slopes,
         here.distances,
         _by_run(by_distances, run, number, z.shape),
         objective.previous,
@@ -97,18 +103,35 @@ def linear_rows(
     )
 
 
-def _parts(objective: RunObjective, tangents: RunTangents, measured_segments: NDArray[np.intp]) -> _RunParts:
-    """Whitened rows of the measured segments, and distances where they count."""
+def _parts(objective: RunObjective, tangents: RunTangents, tried: TriedRuns, samples: int) -> _RunParts:
+    """Whitened rows of the samples, and distances where they count."""
     plants = len(objective.plants)
     of_all = tangents.rows(objective.problem)
-    rows = of_all.sensitivity[:, measured_segments] / np.sqrt(np.diag(objective.problem.noise_covariance))[:, None]
+    places = np.argsort(~tangents.runs.measured, axis=1, kind="stable")[:, :samples]
+    sampled = of_all.sensitivity[np.arange(len(places))[:, None], places]
+    sampled = np.pad(sampled, [(0, 0), (0, samples - places.shape[1]), (0, 0), (0, 0)])
+    rows = sampled / np.sqrt(np.diag(objective.problem.noise_covariance))[:, None]
     count = len(rows) // plants
-    distances = objective.margins.distances(tangents) if objective.costly else np.empty((len(rows), 0))
+    distances = objective.distances(tangents, tried) if objective.costly else np.empty((len(rows), 0))
     return _RunParts(
         rows.reshape(plants, count, -1, rows.shape[3]),
         distances.reshape(plants, count, -1),
         (of_all.status.reshape(plants, count) == Status.ok).all(axis=0),
     )
+
+
+def _by_few_rows(rows: Array, slopes: Array, many: float) -> tuple[Array, Array]:
+    """Rows (R, L, m, p) and slopes (L, d, R, m, p) as fewer rows m, where there are many more samples than numbers.
+
+    The information after any step is the same: both are multiplied by the transpose of a matrix with orthonormal columns, in whose
+    span they lie.
+    """
+    (plants, runs, m, p), d = rows.shape, slopes.shape[1]
+    if m < many * p * (1 + d):
+        return rows, slopes
+    columns = np.concatenate([rows[..., None, :], slopes.transpose(2, 0, 3, 1, 4)], axis=3)
+    few = np.asarray(np.linalg.qr(columns.reshape(plants, runs, m, (1 + d) * p), mode="r")).reshape(plants, runs, -1, 1 + d, p)
+    return np.ascontiguousarray(few[..., 0, :]), np.ascontiguousarray(few[..., 1:, :].transpose(1, 3, 0, 2, 4))
 
 
 def _variables(objective: RunObjective, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ...basics.values import Array
 from ...models import Model
 from ...points.runs import Runs
+from ...points.sampling import holds_of, sample_counts
 from ...show.numbers import number
 from ...show.section import Section
 from ..results.report import ROWS_OF_PAGES, kept_note
@@ -21,6 +23,8 @@ WIDTH = 78
 
 def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
     """What each run is, where it starts, and what it holds."""
+    samples, of = runs.measured.sum(axis=1), holds_of(runs.u, runs.dt, runs.measured)
+    runs = runs.holding(of.u, of.dt, of.measured)
     columns = ["run", "segments", "samples", "duration [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs)]
     rows, starts = [], []
     for k in range(min(len(runs), ROWS)):
@@ -29,19 +33,23 @@ def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
             number(low) if low == high else f"{number(low)} to {number(high)}"
             for low, high in zip(held.min(0), held.max(0), strict=True)
         ]
-        sizes = [str(runs.segments[k]), str(int(runs.measured[k].sum())), number(float(runs.dt[k].sum()))]
+        sizes = [str(runs.segments[k]), str(int(samples[k])), number(float(runs.dt[k].sum()))]
         rows.append([str(k + 1), *sizes, *ranges])
         starts.append([str(k + 1), *(number(value) for value in runs.x0[k])])
     notes = [f"... and {len(runs) - ROWS} more"] if len(runs) > ROWS else []
     notes += kept_note("Run", n_kept)
-    notes.append("A run starts, holds the inputs of each segment, and is sampled at the ends that are measured.")
+    periods = sorted({one for one in of.every.tolist() if not np.isnan(one)})
+    if periods:
+        notes.append(f"Samples are taken every {', '.join(number(one) for one in periods)} s, from the start to the end.")
+    else:
+        notes.append("A run starts, holds the inputs of each segment, and is sampled at the ends that are measured.")
     yield from divided(Section("Runs", columns, rows, notes=notes))
     yield from divided(Section("Starts", ["run", *(f"{q.name} [{q.unit}]" for q in model.states)], starts))
     if model.inputs:
-        yield from divided(_held(model, runs), keys=2)
+        yield from divided(_held(model, runs, of.every), keys=2)
 
 
-def _held(model: Model, runs: Runs) -> Section:
+def _held(model: Model, runs: Runs, every: Array) -> Section:
     """Which inputs are held from when to when; segments in a row with the same inputs are one hold."""
     columns = ["run", "segments", "from [s]", "to [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "samples"]
     rows: list[list[str]] = []
@@ -56,13 +64,19 @@ def _held(model: Model, runs: Runs) -> Section:
             place = str(first + 1) if stop == first + 1 else f"{first + 1} to {stop}"
             times = number(float(ends[k, first] - runs.dt[k, first]), 6), number(float(ends[k, stop - 1]), 6)
             values = (number(value, 6) for value in runs.u[k, first].tolist())
-            rows.append([str(k + 1), place, *times, *values, str(int(runs.measured[k, first:stop].sum()))])
+            samples = int(runs.measured[k, first:stop].sum())
+            if not np.isnan(every[k]):
+                until = np.array([[ends[k, stop - 1]], [ends[k, first] - runs.dt[k, first]]])
+                samples = int(-np.diff(sample_counts(until, float(every[k])))[0])
+            rows.append([str(k + 1), place, *times, *values, str(samples)])
     notes = [f"... and {more} more; design.csv and plan.csv have all"] if more else []
     return Section("Inputs that are held", columns, rows, notes=notes)
 
 
 def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs") -> Section:
-    """Every segment of every run, up to a number of rows."""
+    """Every segment of every run, up to a number of rows; of densely sampled ones, what they hold."""
+    of = holds_of(runs.u, runs.dt, runs.measured)
+    runs = runs.holding(of.u, of.dt, of.measured)
     columns = ["run", "segment", "from [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "dt [s]", "sample at the end"]
     run, segment = np.nonzero(runs.dt)
     starts = runs.t - runs.dt

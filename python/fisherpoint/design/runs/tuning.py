@@ -142,6 +142,9 @@ class RunSearchTuning:
     most_slopes: int = 20_000_000
     """Maximum number of slopes at once, so that memory stays bounded."""
 
+    many_samples: float = 2.0
+    """Number of rows over what they and their slopes can span, from which on they are replaced by as many as that."""
+
     trajectory_rtol: float = 1e-6
     """Largest relative tolerance of the trajectories that differences are taken of."""
 
@@ -178,6 +181,9 @@ class RunSearchTuning:
     # Single changes of a run.
     grid_values: int = 7
     """Number of values that a number is set to, from bound to bound."""
+
+    grid_values_of_profiles: int = 25
+    """That of a number of a profile, such as a frequency or a phase."""
 
     most_single_changes: int = 800
     """Maximum number of changes of one number; a random choice where there were more."""
@@ -237,6 +243,9 @@ class RunSearchTuning:
 
     most_rows_at_once: int = 64
     """Maximum number of them: few enough for its cache."""
+
+    most_parts_at_once: int = 200_000
+    """Maximum number of parts between samples that one thread computes at once, so that memory stays bounded."""
 
     plants: int = 4000
     """Number of plants that runs are tried on during the search."""

@@ -1,0 +1,145 @@
+"""Runs whose outputs are sampled at given instants, whatever their segments are: held segments divided at these.
+
+An instant that is the end of a segment but for rounding is that end. The other way round, held segments and a period are found
+again from the parts: files and reports have these, as an operator programs them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array
+
+SAME = 1e-9
+"""Share of the shortest segment or step between samples, up to which instants are the same."""
+
+DENSE = 4
+"""Samples of each hold, on average, from which on a run is written as what it holds and how often it is sampled."""
+
+_NONE = -2
+
+
+class Divided(NamedTuple):
+    """Parts of held segments: durations dt (K, E), the segment that each is of (K, E), which are sampled at their ends (K, E), and
+    at which of them each held segment ends (K, N)."""
+
+    dt: Array
+    of: NDArray[np.intp]
+    measured: NDArray[np.bool_]
+    ends: NDArray[np.intp]
+
+
+def divided(dt: Array, times: Array, every: float | None = None) -> Divided:
+    """Segments (K, N) divided at times (K, S), increasing, inf where there are no more.
+
+    What is later than the end of a run prolongs its last segment. A part from one sample to the next lasts `every`, where that is
+    given.
+    """
+    if len(dt) > 1 and (dt == dt[0]).all() and (times == times[0]).all():  # one clock for all
+        one = divided(dt[:1], times[:1], every)
+        shape = len(dt), one.dt.shape[1]
+        ends = np.broadcast_to(one.ends, dt.shape)
+        return Divided(np.broadcast_to(one.dt, shape), np.broadcast_to(one.of, shape), np.broadcast_to(one.measured, shape), ends)
+    count, n = dt.shape
+    ends = np.where(dt > 0, np.cumsum(dt, axis=1), np.inf)
+    steps = np.diff(times, axis=1, prepend=0.0) if every is None else np.full((count, times.shape[1]), every)
+    with np.errstate(invalid="ignore"):
+        shortest = np.minimum(np.where(dt > 0, dt, np.inf).min(axis=1), np.where(times < np.inf, steps, np.inf).min(axis=1))
+    same = np.maximum(SAME * shortest, 8 * np.finfo(float).eps * dt.sum(axis=1))[:, None]
+
+    # All instants in order; an end and a sample that are the same are one, and numbers of both are kept, from 1 on.
+    both = np.concatenate([ends, times], axis=1)
+    order = np.argsort(both, axis=1, kind="stable")
+    t = np.take_along_axis(both, order, axis=1)
+    finite = t < np.inf
+    with np.errstate(invalid="ignore"):
+        first = finite & (np.diff(t, axis=1, prepend=-np.inf) > same)
+    place = np.cumsum(first, axis=1) - 1
+    k, m = np.nonzero(finite)
+    shape, at, number = (count, int(place.max()) + 1), place[k, m], order[k, m]
+    instant, end, sample = np.full(shape, np.inf), np.full(shape, _NONE), np.full(shape, _NONE)
+    instant[k, at] = t[k, m]
+    end[k[number < n], at[number < n]] = number[number < n] + 1
+    sample[k[number >= n], at[number >= n]] = number[number >= n] - n + 1
+
+    def before(numbers: NDArray[np.intp]) -> NDArray[np.intp]:
+        return np.concatenate([np.zeros((count, 1), dtype=np.intp), numbers[:, :-1]], axis=1)
+
+    there = instant < np.inf
+    with np.errstate(invalid="ignore"):
+        parts = np.where(there, np.diff(instant, axis=1, prepend=0.0), 0.0)
+    to_next = (sample > 0) & (before(sample) == sample - 1)
+    parts = np.where(to_next, np.take_along_axis(steps, np.maximum(sample - 1, 0), axis=1), parts)
+    whole = (end > 0) & (before(end) == end - 1)
+    parts = np.where(whole, np.take_along_axis(dt, np.maximum(end - 1, 0), axis=1), parts)
+    of = np.minimum(np.cumsum(before((end > 0).astype(np.intp)), axis=1), np.count_nonzero(dt, axis=1)[:, None] - 1)
+    places = np.tile(there.sum(axis=1)[:, None] - 1, (1, n))
+    k, m = np.nonzero(end > 0)
+    places[k, end[k, m] - 1] = m
+    return Divided(parts, of, sample > 0, places)
+
+
+def multiples(every: float, counts: NDArray[np.intp]) -> Array:
+    """The first `counts` (K,) multiples of a period, (K, S); inf behind them."""
+    number = np.arange(1, int(counts.max(initial=0)) + 1)
+    return np.where(number <= counts[:, None], every * number, np.inf)
+
+
+def sample_counts(dt: Array, every: float) -> NDArray[np.intp]:
+    """How many multiples of a period there are until the ends of runs with segments dt (K, N)."""
+    return np.asarray(np.floor(dt.sum(axis=1) / every * (1 + 4 * np.finfo(float).eps) + SAME), dtype=np.intp)
+
+
+class Holds(NamedTuple):
+    """Runs as they are programmed: u (K, N, n_u), dt (K, N), measured (K, N), and the period (K,) at which each is sampled.
+
+    The period is NaN of runs that are as they were; what is measured of the others are the samples at the ends of holds.
+    """
+
+    u: Array
+    dt: Array
+    measured: NDArray[np.bool_]
+    every: Array
+
+
+def holds_of(u: Array, dt: Array, measured: NDArray[np.bool_]) -> Holds:
+    """Densely sampled runs by what they hold, and others as they are."""
+    every, parts = np.full(len(dt), np.nan), []
+    for k, n in enumerate(np.count_nonzero(dt, axis=1).tolist()):
+        held, durations, flags = u[k, :n], dt[k, :n], measured[k, :n]
+        last = np.append((np.diff(held, axis=0) != 0).any(axis=1), True)
+        period = _period(durations, flags) if flags.sum() >= DENSE * last.sum() else None
+        if period is not None:
+            every[k] = period
+            ends = np.cumsum(durations)[last]
+            whole, durations = np.diff(np.rint(ends / period), prepend=0.0), np.diff(ends, prepend=0.0)
+            near = np.abs(durations - whole * period) <= SAME * period  # without the rounding of sums
+            durations = np.where(near, [float(f"{one:.12g}") for one in whole * period], durations)
+            held, flags = held[last], flags[last]
+        parts.append((held, durations, flags))
+    return Holds(*(segments_of(parts) if parts else (u, dt, measured)), every)
+
+
+def segments_of(parts: Sequence[tuple[Array, Array, NDArray[np.bool_]]]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Segments u (K, N, n_u), dt and measured (K, N) of runs with different numbers of them, a tuple each."""
+    shape = len(parts), max(len(dt) for _, dt, _ in parts)
+    u, dt, measured = np.zeros((*shape, parts[0][0].shape[1])), np.zeros(shape), np.zeros(shape, dtype=bool)
+    for k, (held, durations, flags) in enumerate(parts):
+        u[k, : len(held)], u[k, len(held) :] = held, held[-1]
+        dt[k, : len(held)], measured[k, : len(held)] = durations, flags
+    return u, dt, measured
+
+
+def _period(dt: Array, measured: NDArray[np.bool_]) -> float | None:
+    """The period at all multiples of which a run with segments dt (N,) is sampled, up to its end; None where there is none."""
+    times = np.cumsum(dt)
+    period = float(times[int(np.argmax(measured))])
+    nearest = float(dt[np.argmin(np.abs(dt - period))])
+    period = nearest if abs(nearest - period) <= SAME * period else period  # without the rounding of sums
+    found = times[measured]
+    regular = np.abs(found - period * np.arange(1, len(found) + 1)) <= SAME * period + 8 * np.finfo(float).eps * times[-1] * len(dt)
+    return period if regular.all() and len(found) == int(sample_counts(dt[None], period)[0]) else None
