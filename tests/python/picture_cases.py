@@ -169,6 +169,13 @@ def validation() -> Figure:
     return fp.validate(problem(), {"points": points()}, runs=30, use_prior=True).plot()
 
 
+def validation_of_local() -> Figure:
+    prior = fp.GaussianPrior({"p": 2.0, "q": 4.0}, {"p": 1.0, "q": 2.0})
+    of_runs = fp.DesignProblem(LINE, prior, None, noise={"y": 0.2}, local={"q": "run"})
+    runs = fp.Runs(np.zeros((3, 0)), np.linspace(0.0, 2.0, 24).reshape(3, 4, 2) ** 2, np.ones((3, 4)))
+    return fp.validate(of_runs, {"runs": runs}, runs=30).plot()
+
+
 def windows() -> Figure:
     y = np.array([[[0.1], [0.4]], [[0.9], [0.5]]])
     held = fp.Runs([[0.0, 0.0], [1.0, 0.5]], [[1.0, 1.0], [0.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]])
@@ -195,6 +202,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "small numbers: ellipses": lambda: fit_of_line().plot("ellipses"),
     "small numbers: profile": lambda: small_fit().profile("k").plot(),
     "validation": validation,
+    "validation: local": validation_of_local,
     "comparison": lambda: plot_comparison({"points": {"tau": 0.01, "T": 90.0}, "runs": None}, {"tau": 0.2, "T": 200.0}),
     "campaign": lambda: plot_campaign(SERIES, {"tau": 0.02}),
     "sweep": sweep,

@@ -147,6 +147,9 @@ def saved_cases() -> dict[str, Saved]:
         "evaluation": file(design.evaluation),
         "feasibility": file(design.feasibility),
         "validation": file(fp.validate(one, {"design": points}, runs=8)),
+        "validation beside local parameters": file(
+            fp.validate(of_plant, points, runs=4, truth={"k2": fp.Local("plant", spread=0.2)})
+        ),
         "validation of runs": file(fp.validate(of_runs(), {"runs": runs}, runs=4, theta="mean")),
         "identifiability": file(fp.identifiability(one.model)),
         "campaign": Saved(None, lambda to: campaign(one, to), fp.Campaign.load, "campaign.json"),

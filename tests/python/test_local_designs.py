@@ -207,8 +207,6 @@ def test_points_that_say_nothing_are_refused() -> None:
 
 def test_what_cannot_have_local_parameters_says_so() -> None:
     given = problem(local={"m_load": "run"})
-    with pytest.raises(ValueError, match="local: expected no local parameters in a validation, given m_load"):
-        fp.validate(given, {"runs": RUNS})
     with pytest.raises(ValueError, match=r"local: expected parameters that are local to a plant, as .*, given labels none"):
         fp.design_fleet(given, 3, 2)
     with pytest.raises(ValueError, match=r"local\['m_load'\]: expected 'run' in a campaign, given 'plant'"):

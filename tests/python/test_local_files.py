@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import ConfigError, load_config
-from fisherpoint_command.cli import app
+from fisherpoint.points.run_files import runs_csv
+from fisherpoint_command.cli import app, main
 from local_cases import NOISE, START, cart, measured
 
 FILE = """
@@ -55,6 +56,12 @@ def run(*arguments: object) -> str:
     found = CliRunner().invoke(app, [*map(str, arguments)])
     assert found.exit_code == 0, found.output
     return found.output
+
+
+def code(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as left:
+        main([str(argument) for argument in arguments])
+    return int(left.value.code or 0)
 
 
 @pytest.mark.parametrize(
@@ -150,3 +157,29 @@ def test_labels_have_names_of_their_own(labels: list[str], tmp_path: Path) -> No
         fp.Measurements.from_csv(tmp_path / "runs.csv", cart(), labels=labels)
     with pytest.raises(ValueError, match=r"labels\['plant'\]: expected 2 labels, one for each point or run; given 1"):
         fp.Measurements(measured(2, 3).points, np.zeros((2, 3)), labels={"plant": ("A",)})
+
+
+def test_validate_reads_labels_and_spreads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, data = written(tmp_path, 'm_load = { by = "rig", spread = 0.8 }'), measured(4, 8)
+    one, several = tmp_path / "one.csv", tmp_path / "several.csv"
+    data.runs.to_csv(one, cart())
+    fleet = fp.Measurements(data.points, data.y, labels={"rig": ["A", "A", "B", "C"]})
+    lines = fleet_plan(fleet).splitlines()
+    several.write_text("\n".join(lines) + "\n")
+    common = ("-n", "20", "--no-plots", "--quiet", "--force")
+    assert code("validate", file, one, several, *common, "-o", tmp_path / "out", "--spread", "m_load=0.2") == 0
+    text = (tmp_path / "out" / "report.txt").read_text()
+    assert "m_load: all 3 values together" in text and "m_load of each rig, with a spread of 0.2" in text
+    table = (tmp_path / "out" / "validation.csv").read_text()
+    assert table.count(",m_load,") == 2 and table.count(",local\n") == 2
+    for wrong in ("mass=1", "m_load", "m_load=x", "m_load=-1"):
+        assert code("validate", file, one, *common, "-o", tmp_path / "out", "--spread", wrong) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    several.write_text("\n".join([lines[0], *(line.replace(",A", ",") for line in lines[1:])]) + "\n")
+    assert code("validate", file, several, *common, "-o", tmp_path / "out") == 2
+    assert "rig" in capsys.readouterr().err
+
+
+def fleet_plan(data: fp.Measurements) -> str:
+    """The runs of several rigs as a plan, with the label in each run's first row alone."""
+    return runs_csv(data.runs, cart(), labels=data.labels)

@@ -47,6 +47,7 @@ NAMES = (
     "evaluation",
     "feasibility",
     "validation",
+    "validation beside local parameters",
     "validation of runs",
     "identifiability",
     "campaign",

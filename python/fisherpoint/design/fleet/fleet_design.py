@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from ...basics.csv_file import csv_text
 from ...basics.files import write_whole
-from ...basics.values import Array
 from ...data.measurements import Measurements
+from ...data.plans import planned
 from ...information.evaluate import evaluate
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
@@ -91,14 +89,7 @@ class FleetDesign(InNotebooks):
 
 def labelled(points: Mapping[str, Points], label: str, outputs: int) -> Measurements:
     """The points of plants as if all of it was measured, with their labels."""
-    parts = [Measurements(one, _zeros(one, outputs), labels={label: (plant,) * len(one)}) for plant, one in points.items()]
-    return Measurements.join(parts)
-
-
-def _zeros(points: Points, outputs: int) -> Array:
-    runs = as_runs(points)
-    y = np.where(runs.measured[:, :, None], np.zeros(outputs), np.nan)
-    return y.reshape(*points.dt.shape, outputs)
+    return Measurements.join([planned(one, outputs, {label: plant}) for plant, one in points.items()])
 
 
 def evaluated(problem: DesignProblem, label: str, points: Mapping[str, Points], threads: int | None) -> Evaluation:
