@@ -153,6 +153,7 @@ def saved_cases() -> dict[str, Saved]:
         "validation of runs": file(fp.validate(of_runs(), {"runs": runs}, runs=4, theta="mean")),
         "identifiability": file(fp.identifiability(one.model)),
         "campaign": Saved(None, lambda to: campaign(one, to), fp.Campaign.load, "campaign.json"),
+        "campaign of days": Saved(None, lambda to: campaign(problem(local={"k2": "day"}), to), fp.Campaign.load, "campaign.json"),
         "campaign of runs": Saved(None, lambda to: campaign(of_runs(), to), fp.Campaign.load, "campaign.json"),
     }
     return cases

@@ -209,7 +209,5 @@ def test_what_cannot_have_local_parameters_says_so() -> None:
     given = problem(local={"m_load": "run"})
     with pytest.raises(ValueError, match=r"local: expected parameters that are local to a plant, as .*, given labels none"):
         fp.design_fleet(given, 3, 2)
-    with pytest.raises(ValueError, match=r"local\['m_load'\]: expected 'run' in a campaign, given 'plant'"):
-        fp.Campaign(problem(local={"m_load": "plant"}))
     with pytest.raises(ValueError, match="plants: expected at least one label, and each once; given A, A"):
         fp.design_fleet(tanks(), ["A", "A"], 2)

@@ -183,3 +183,17 @@ def test_validate_reads_labels_and_spreads(tmp_path: Path, capsys: pytest.Captur
 def fleet_plan(data: fp.Measurements) -> str:
     """The runs of several rigs as a plan, with the label in each run's first row alone."""
     return runs_csv(data.runs, cart(), labels=data.labels)
+
+
+def test_campaign_reads_days(tmp_path: Path) -> None:
+    file = written(tmp_path, 'm_load = "day"', "[campaign]\nbatch = 1\ntargets = 0.1\n\n[design]\nn_candidates = 8\n")
+    rig = fp.VirtualRig(cart(), START, {"y": NOISE}, seed=1)
+    for k, day in enumerate(["Mon", "Mon", "Tue"], 1):
+        assert code("campaign", file, "-o", tmp_path / "run", "--no-plots", "--quiet") == 0
+        data = rig.measure(fp.Runs.from_csv(tmp_path / "run" / f"batch_{k}.csv", cart()))
+        fp.Measurements(data.points, data.y, labels={"day": day}).to_csv(tmp_path / "data.csv", cart())
+        given = ("campaign", file, "-o", tmp_path / "run", "--data", tmp_path / "data.csv", "--no-plots", "--quiet")
+        assert code(*given) == 0
+    report = (tmp_path / "run" / "report.txt").read_text()
+    assert "m_load[Mon]" in report and "m_load[Tue]" in report and "m_load of each day" in report
+    assert tuple((fp.Campaign.load(tmp_path / "run").fit or fp).local["m_load"]) == ("Mon", "Tue")

@@ -51,6 +51,7 @@ NAMES = (
     "validation of runs",
     "identifiability",
     "campaign",
+    "campaign of days",
     "campaign of runs",
 )
 
