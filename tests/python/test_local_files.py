@@ -197,3 +197,66 @@ def test_campaign_reads_days(tmp_path: Path) -> None:
     report = (tmp_path / "run" / "report.txt").read_text()
     assert "m_load[Mon]" in report and "m_load[Tue]" in report and "m_load of each day" in report
     assert tuple((fp.Campaign.load(tmp_path / "run").fit or fp).local["m_load"]) == ("Mon", "Tue")
+
+
+FLEET = """
+[fleet]
+plants = ["north", "south"]
+starts = 1
+rounds = 1
+
+[design]
+n_candidates = 5
+"""
+
+
+def test_design_of_a_fleet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = FILE.replace("n_starts = 1\n", "")
+    file = tmp_path / "fleet.toml"
+    file.write_text(f'{text}\n[local]\nm_load = "plant"\n{FLEET}')
+    assert code("design", file, "--check") == 0
+    assert "plants" in (out := capsys.readouterr().out) and "2: north, south" in out and "1 run each" in out
+    assert code("design", file, "-o", tmp_path / "run", "--quiet") == 0
+    names = {"design.csv", "plan.csv", "design.json", "report.txt", "report.html"}
+    assert {path.name for path in (tmp_path / "run").iterdir()} == names | {"plants.png", "standard_errors.png", "correlation.png"}
+    fleet = fp.FleetDesign.load(tmp_path / "run")
+    assert list(fleet.points) == ["north", "south"] and fleet.settings.rounds == 1 and fleet.settings.n_candidates == 5
+    assert "Runs of plant south" in (tmp_path / "run" / "report.html").read_text()
+    assert code("validate", file, tmp_path / "run" / "design.csv", "-n", 20, "-o", tmp_path / "v", "--no-plots", "--quiet") == 0
+    assert "m_load: all 2 values together" in (tmp_path / "v" / "report.txt").read_text()
+    assert code("design", file, "-o", tmp_path / "run", "--quiet", "--force", "-L", 2, "--seed", 3, "--starts", 1) == 0
+    again = fp.FleetDesign.load(tmp_path / "run")
+    assert again.settings.size == 2 and again.settings.seed == 3 and {len(one) for one in again.points.values()} == {2}
+
+
+OF_PLANT = '[local]\nm_load = "plant"\n[fleet]\n'
+
+
+@pytest.mark.parametrize(
+    ("more", "options", "message"),
+    [
+        (OF_PLANT + "plants = 0\n", (), "fleet.plants: expected"),
+        (OF_PLANT + "plants = []\n", (), "fleet.plants: expected"),
+        (OF_PLANT + "plants = 2.5\n", (), "fleet.plants: expected"),
+        (OF_PLANT + 'plants = ["A", "A"]\n', (), "fleet.plants: expected at least one label, and each once; given A"),
+        (OF_PLANT + 'plants = [""]\n', (), "fleet.plants"),
+        (OF_PLANT, (), "fleet.plants: missing"),
+        (OF_PLANT + "plants = 2\nround = 1\n", (), "unknown key fleet.round; expected one of"),
+        (OF_PLANT + "plants = 2\nrounds = 0\n", (), "fleet.rounds: expected"),
+        (OF_PLANT + 'plants = 2\nalike = "no"\n', (), "fleet.alike: expected"),
+        ('[local]\nm_load = "run"\n[fleet]\nplants = 2\n', (), "local: expected parameters that are local to a plant"),
+        ("[fleet]\nplants = 2\n", (), "local: expected parameters that are local to a plant"),
+        (OF_PLANT + 'plants = 2\n[design]\nmethod = "paper"\n', (), 'design.method: expected none beside [fleet], given "paper"'),
+        (OF_PLANT + "plants = 2\n", ("--workers", "2"), "--workers: expected a file without a table [fleet]"),
+        (OF_PLANT + "plants = 2\n", ("--over", "log"), "--over: expected a file without a table [fleet]"),
+    ],
+)
+def test_mistakes_of_a_fleet_are_one_line(
+    more: str, options: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "fleet.toml"
+    file.write_text(FILE.replace("n_starts = 1\n", "") + "\n" + more)
+    assert code("design", file, "-o", tmp_path / "run", "--quiet", *options) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and message in error, error
+    assert not (tmp_path / "run").exists()

@@ -36,6 +36,7 @@ NAMES = (
     "fit of runs",
     "fit of local parameters",
     "design beside local parameters",
+    "fleet",
     "pieces",
     "runs",
     "sweep",
