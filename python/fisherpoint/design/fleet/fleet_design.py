@@ -27,9 +27,9 @@ from ...information.evaluation import Evaluation
 from ...information.local import RECORD, RUN
 from ...information.problem import DesignProblem
 from ...information.problem_report import local_in_words, problem_sections
-from ...points.experiments import Experiments, columns_of
+from ...points.experiments import columns_of
 from ...points.run_files import plan_csv, runs_csv
-from ...points.runs import Points, Runs, as_runs, joined
+from ...points.runs import Points, as_runs, joined
 from ...show.display import Plots, Shown
 from ...show.numbers import counted, percent
 from ...show.section import Report, Section
@@ -106,9 +106,9 @@ class FleetDesign(Shown, Kept):
 
     def _csv(self) -> str:
         model, together = self.problem.model, labelled(self.points, self.label, len(self.problem.model.outputs))
-        if isinstance(together.points, Experiments):
+        if together.points.kind == "point":
             names = [*columns_of(model), "dt"] if model.states else list(columns_of(model))
-            rows = zip(together.points.table.tolist(), together.labels[self.label], strict=True)
+            rows = zip(together.runs.starts.table.tolist(), together.labels[self.label], strict=True)
             return csv_text((*names, self.label), [[*row[: len(names)], plant] for row, plant in rows])
         return runs_csv(together.runs, model, labels=together.labels)
 
@@ -118,9 +118,9 @@ class FleetDesign(Shown, Kept):
         Of runs plan.csv too, their time table. Of a design that was there before, the command line's report and pictures go.
         """
         directory, tables = as_path(directory, "directory"), {"design.csv": self._csv()}
-        runs = joined(list(self.points.values()))
-        if isinstance(runs, Runs):
-            tables["plan.csv"] = plan_csv(runs, self.problem.model)
+        points = joined(list(self.points.values()))
+        if points.kind == "run":
+            tables["plan.csv"] = plan_csv(as_runs(points), self.problem.model)
         directory.mkdir(parents=True, exist_ok=True)
         stale = (*REPORTS, *PICTURES, *({"plan.csv"} - set(tables)))
         write_together(directory, tables | {"design.json": self._file(versions=versions())}, stale=stale)

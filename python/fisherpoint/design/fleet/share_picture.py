@@ -11,9 +11,6 @@ from matplotlib.ticker import PercentFormatter
 
 from ...show.style import STYLE, Picture
 
-MOST = 10
-"""Plants with a name in the legend."""
-
 
 def plot_shares(shares: Mapping[str, Mapping[str, float]], label: str) -> Figure:
     """A bar for each parameter, divided by the shares of the plants in what is known of it."""
@@ -32,6 +29,6 @@ def plot_shares(shares: Mapping[str, Mapping[str, float]], label: str) -> Figure
         axes.grid(axis="y", visible=False)
         axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         axes.set_xlabel(f"share of each {label} in what is known")
-        if len(plants) <= MOST:
+        if len(plants) <= 10:  # a longer legend has no room
             figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=5, title=label, alignment="left")
     return figure
