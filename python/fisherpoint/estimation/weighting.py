@@ -219,7 +219,7 @@ class WeightedResiduals:
         That of rounded and limited readings as it is there, or averaged over where unknowns of standard deviation 1 have the
         outputs.
         """
-        jacobian = response.dy * self._slopes(values)
+        jacobian = response.dy * self.slopes(values)
         if (readings := self._readings) is not None:
             white = readings.rows(response.y, jacobian, np.sqrt(np.square(jacobian).sum(axis=3)) if over_prior else None)
         else:
@@ -245,7 +245,7 @@ class WeightedResiduals:
         """As a call, or `scores`, with Jacobians as the layout has them."""
         values = self.unknowns.values(z)
         response = self.observed.respond(values)
-        dy = response.dy * self._slopes(values)
+        dy = response.dy * self.slopes(values)
         if (readings := self._readings) is not None:
             readings = readings if len(self.y) == 1 else readings.some(rows)
             e, jacobian = (readings.scores if scores else readings.deviance)(response.y, dy)
@@ -262,7 +262,7 @@ class WeightedResiduals:
             jacobian = np.concatenate([jacobian, np.broadcast_to(prior, (len(z), *prior.shape))], axis=1)
         return r, jacobian, response.status == 0
 
-    def _slopes(self, values: Array) -> Array:
+    def slopes(self, values: Array) -> Array:
         """d values / dz at unknowns (B, P) of each column of a response, (B, 1 or N, 1, columns)."""
         slopes, local, common = self.unknowns.slopes(values), self.observed.local, self.observed.common
         if not local.each:
