@@ -1,7 +1,7 @@
 """``python -m bench.samples``: what many samples of a run cost, next to one for each held input.
 
 50 held inputs of 20 ms on a smooth joint and one with sharp friction: CPU time over that of a sample for each input, and the
-largest difference from the same run at the tightest tolerance, of y in the scales of states and of dy/dtheta as a share of the largest.
+largest difference from the same run at the tightest tolerance, of y, and of dy/dtheta as a share of the largest.
 """
 
 from __future__ import annotations

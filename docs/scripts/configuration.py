@@ -16,7 +16,7 @@ from typing import Any
 import fisherpoint as fp
 from fisherpoint.basics.options import options_of
 from fisherpoint.design.file.configuration import Config
-from fisherpoint.design.file.configuration_tables import OF_GOAL, OF_RUNS, OF_SEARCH
+from fisherpoint.design.file.configuration_tables import OF_FLEET, OF_GOAL, OF_RUNS, OF_SEARCH
 from fisherpoint.design.goal.goal import Goal
 from fisherpoint.design.results.settings import ExchangeMethod, ExchangeSettings
 
@@ -43,7 +43,7 @@ is short for `x_v = { value = 1e-3 }`, as is `u = [-1, 1]` in `[region]` for its
 unit.
 """
 
-OPTIONS = {"goal": OF_GOAL, "design": OF_SEARCH, "runs": OF_RUNS}
+OPTIONS = {"goal": OF_GOAL, "design": OF_SEARCH, "runs": OF_RUNS, "fleet": OF_FLEET}
 MEANINGS = {table: {name: key.meaning for name, key in keys.items()} for table, keys in OPTIONS.items()}
 
 # Table by table, in the order of the page: the table's introduction, an example, and the meaning of its keys.
@@ -68,6 +68,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             " nothing else has the name; conditions are joined by `and`, `or`, `not`, or by `&`, `|`, `~` with brackets."
             " `delay(u, tau)` is an input with a [dead time](../how_to/dead_time.md).",
             "domain": "Expressions that have to stay positive.",
+            "updates": 'By times, such as `"every 5 ms"` or `"each segment"`: the states that get new values then, with their'
+            ' equations, as `{ d = "d + dose" }`. [When they come](../how_to/updates.md).',
             "resets": 'By condition, such as `"x < 0"`: the states that get new values where it becomes true, with their equations,'
             ' as `{ v = "-e*v" }`. [What they do](../how_to/models.md#memory-relays-stops-modes).',
             "check_units": "Whether a warning names places of the equations where"
@@ -211,7 +213,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
     "runs.profile": (
         "A table for each input that follows a profile; `[region]` has one value of `dt` then, the actuator's clock."
         " [Signals](../how_to/signals.md#classical-excitations).",
-        '[region]\ndt = 0.02\n\n[runs]\nsegments = 50\n\n[runs.profile.u]\nkind = "multisine"\nharmonics = 5\nbandwidth = [1, 10]\n',
+        '[region]\ndt = 0.02\n\n[runs]\nsegments = 50\n\n[runs.profile.u]\nkind = "multisine"\nharmonics = 5\n'
+        "bandwidth = [1, 10]\n",
         {
             "kind": 'Which one. With "held", the default, every segment has a number of its own. With "given" the input is not'
             " designed, and has no bounds in `[region]`.",
@@ -238,6 +241,14 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "outputs": "Values of outputs at the rest, by name, where a controller keeps them.",
             "solve": "Inputs that keep the plant there, which are found: as many as `hold` and `outputs` together.",
         },
+    ),
+    "fleet": (
+        "Several plants that share some parameters and have values of their own of others, those that are `[local]` to a label."
+        " With this table `fisherpoint design` has points, or runs, for each of them. Of `[design]` it reads `n_experiments`, which"
+        " is that of each plant, `n_candidates`, `max_iterations`, which is `5` here, and `seed`; of `[runs]` `n_runs`."
+        " [A fleet](../how_to/local_parameters.md#a-fleet).",
+        '[local]\nm_q = "plant"\n\n[fleet]\nplants = ["north", "south", "harbour"]\n',
+        {"plants": "How many, or their labels.", **MEANINGS["fleet"]},
     ),
     "rule": (
         "How expectations over the prior are computed; [quadrature](../explanation/quadrature.md) says which kind to take. A file"
@@ -417,6 +428,7 @@ def _default(table: str, key: str, node: Mapping[str, Any]) -> str:
         "design": (fp.DesignProblem,),
         "runs": (fp.RunRegion, fp.design_runs),
         "campaign": (fp.Campaign,),
+        "fleet": (fp.design_fleet,),
     }
     functions = known.get(table, ())
     values = [inspect.signature(function).parameters[key].default for function in functions if key in _arguments(function)]

@@ -67,6 +67,8 @@ def design(
 ) -> int:
     """Find the experiment points, or with a table of runs in the file the runs, that determine the parameters best.
 
+    With a table of a fleet those of each plant.
+
     Writes design.csv, design.json, report.txt, pictures, and report.html, which shows all of it in a browser. Ctrl-C stops
     early and keeps the best design so far.
     """
@@ -77,13 +79,21 @@ def design(
         from fisherpoint.points.outside_region import few, outside
 
         from .dry_run import points_row, search_rows, settings_of
+        from .fleets import design_of_fleet
         from .runs import design_of_runs
         from .tables import DataFiles
         from .terminal import read_config, read_data
         from .written_results import write_shown
     config = read_config(file)
+    no_fleets: dict[str, Any] = {"--keep": keep, "--previous": previous, "--column": column, "--method": method, "--over": over}
+    no_fleets["--workers"] = frame.workers
     if config.region is None:
         raise config.error("region", "missing; expected a table with bounds of every state, every input and dt")
+    if config.fleet is not None:
+        for option in (option for option, given in no_fleets.items() if given):
+            raise ConfigError(f"{option}: expected a file without a table [fleet]; {file} has one")
+        given = {"size": size, "seed": seed, "starts": starts, "max_iterations": max_iterations}
+        return design_of_fleet(frame, config, {name: value for name, value in given.items() if value is not None}, file)
     if config.runs is not None:
         of_points = {
             "--keep": keep,

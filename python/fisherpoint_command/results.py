@@ -8,6 +8,7 @@ from pathlib import Path
 from fisherpoint.basics.files import REPORTS, check_writable
 from fisherpoint.basics.messages import listed
 from fisherpoint.design.file.configuration import ConfigError
+from fisherpoint.design.fleet.picture_list import PICTURES as OF_FLEETS
 from fisherpoint.design.results.picture_list import PICTURES as OF_POINTS
 from fisherpoint.design.runs.run_picture_list import PICTURES as OF_RUNS
 from fisherpoint.estimation.picture_list import PICTURES as OF_A_FIT
@@ -20,7 +21,9 @@ CAMPAIGN = "campaign.json"
 MAIN = ("design.json", "fit.json", CAMPAIGN, "report.txt")
 """Files that mark a result: one of them is wherever there is one."""
 
-SHOWN = dict.fromkeys((*REPORTS, *OF_POINTS, *OF_RUNS, *OF_A_FIT, "validation.png", "comparison.png", "campaign.png", "sweep.png"))
+SHOWN = dict.fromkeys(
+    (*REPORTS, *OF_POINTS, *OF_RUNS, *OF_FLEETS, *OF_A_FIT, "validation.png", "comparison.png", "campaign.png", "sweep.png")
+)
 """What is made of a result for people."""
 
 

@@ -77,11 +77,13 @@ def run_simulation_csv(model: fp.Model, runs: fp.Runs, done: fp.Trajectories) ->
     return csv_text((RUN.name, SEGMENT.name, "t", *names, "status"), rows)
 
 
-def read_designs(paths: list[Path], problem: fp.DesignProblem) -> dict[str, fp.Experiments | fp.Runs]:
+def read_designs(
+    paths: list[Path], problem: fp.DesignProblem, read: Callable[[Path, fp.Model], Any] | None = None
+) -> dict[str, Any]:
     """Points or runs of files by the shortest names that distinguish these; a warning names points outside of the region."""
-    points = {name: read_data(path, "points", read_points, problem.model) for name, path in named_files(paths).items()}
+    points = {name: read_data(path, "points", read or read_points, problem.model) for name, path in named_files(paths).items()}
     for path, given in zip(paths, points.values(), strict=True):
-        warn_of_outside(problem, path, given)
+        warn_of_outside(problem, path, given.points if isinstance(given, fp.Measurements) else given)
     return points
 
 

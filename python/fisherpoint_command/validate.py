@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import fisherpoint as fp
+from fisherpoint.basics.messages import listed
 
 from .frame import Frame, Outcome, Task
 from .importing import importing
@@ -45,6 +46,10 @@ def validate(
     theta: Annotated[Truth, typer.Option(help="True parameters: drawn from the prior for each run, or its mean.")] = Truth.prior,
     noise: Annotated[NoiseInFits, typer.Option(help="Whether the fits know \\[noise] or estimate it.")] = NoiseInFits.known,
     use_prior: Annotated[bool, typer.Option("--use-prior", help="Use the prior in the fits and in the promise.")] = False,
+    spread: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=STD", help="By how much a local parameter spreads in the data, where not as the file says; SI."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same figures.")] = 0,
 ) -> int:
     """Measure designs virtually many times, fit each time, and report whether the designs keep their promises.
@@ -54,6 +59,7 @@ def validate(
     """
     with importing():
         import fisherpoint.validation.validate  # noqa: F401  with all that it imports
+        from fisherpoint.data.plans import read_plan
 
         from .dry_run import about, points_row, size_of
         from .runs import read_designs
@@ -63,12 +69,14 @@ def validate(
     problem = config.problem()
     if problem.noise is None:
         raise config.error("noise", "missing; expected the noise of every output, from which the promise is computed")
-    points = read_designs(designs, problem)
+    given = read_designs(designs, problem, partial(read_plan, labels=config.labels))
+    points = {name: one.points if isinstance(one, fp.Measurements) else one for name, one in given.items()}
+    spreads = _spreads(spread or [], problem)
 
     def plan() -> list[Row]:
         size = sum(map(size_of, points.values())) * runs
         return [
-            *(points_row(name, given) for name, given in points.items()),
+            *(points_row(name, of) for name, of in points.items()),
             ("virtual experiments", f"{runs} of each, seed {seed}, noise {noise.value} to the fits"),
             about(size * ITERATIONS, f"{ITERATIONS} iterations of each fit"),
         ]
@@ -77,8 +85,9 @@ def validate(
         with opened(frame.workers) as workers:
             found = fp.validate(
                 problem,
-                points,
+                given,
                 runs=runs,
+                truth=spreads or None,
                 theta=theta.value,
                 seed=seed,
                 noise_known=noise is NoiseInFits.known,
@@ -96,3 +105,19 @@ def validate(
 
     pictures = "fisherpoint.validation.pictures"
     return frame.run(Task(problem=problem, files=[file, *designs], plan=plan, pictures=pictures, compute=compute))
+
+
+def _spreads(given: list[str], problem: fp.DesignProblem) -> dict[str, fp.Local]:
+    """Local parameters with the standard deviations that options give."""
+    from fisherpoint.design.file.configuration import ConfigError
+
+    found, local = dict[str, fp.Local](), problem.local_parameters
+    for text in given:
+        name, _, std = (part.strip() for part in text.partition("="))
+        if name not in local:
+            raise ConfigError(f"--spread: expected NAME=STD of a local parameter, one of {listed(local, 'none')}; given {text}")
+        try:
+            found[name] = fp.Local(local[name].by, spread=float(std))
+        except ValueError:
+            raise ConfigError(f"--spread: expected a positive standard deviation, given {text}") from None
+    return found

@@ -170,6 +170,7 @@ def design_cases() -> dict[str, Case]:
             starts=(1, INT),
             rounds=(1, INT),
             max_iterations=(1, INT),
+            n_candidates=(10, INT, NONE),
             seed=(0, INT),
             threads=threads,
         ),

@@ -111,6 +111,10 @@ def estimate_cases() -> dict[str, Case]:
             lambda directory: fit().save(within(directory)),
             directory=("fit", TEXT, PATH),
         ),
+        "validate, local": case(
+            lambda truth: fp.validate(problem().replace(parameters=["k"], local={"a": "plant"}), points(), runs=2, truth=truth),
+            truth=({"a": fp.Local("plant", spread=0.1)}, MAP, NONE, MODEL),
+        ),
         "validate": case(
             fp.validate,
             designs=({"one": points()}, POINTS),
@@ -119,7 +123,7 @@ def estimate_cases() -> dict[str, Case]:
             runs=(2, INT),
             theta=("mean", MAP),
             seed=(0, INT),
-            truth=(None, NONE, MODEL),
+            truth=(None, NONE, MODEL, MAP),
             noise_known=(True, FLAG),
             use_prior=(True, FLAG),
             threads=threads,

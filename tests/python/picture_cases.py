@@ -13,6 +13,7 @@ import fisherpoint as fp
 from fisherpoint.campaign.pictures import plot_campaign
 from fisherpoint.design.approximate.approximate_pictures import sensitivity_figure
 from fisherpoint.design.compare.compare_picture import plot_comparison
+from fisherpoint.design.fleet.share_picture import plot_shares
 from fisherpoint.design.pieces.piece_pictures import plot_windows
 from fisherpoint.design.results.evaluated_points import evaluate_points
 from fisherpoint.design.results.pictures import plot_points, plot_standard_errors, plot_trajectories
@@ -169,6 +170,17 @@ def validation() -> Figure:
     return fp.validate(problem(), {"points": points()}, runs=30, use_prior=True).plot()
 
 
+def fleet() -> Figure:
+    return plot_shares({"A": {"tau": 0.7, "T": 0.1}, "B": {"tau": 0.2, "T": 0.9}, "C": {"tau": 0.1, "T": 0.0}}, "plant")
+
+
+def validation_of_local() -> Figure:
+    prior = fp.GaussianPrior({"p": 2.0, "q": 4.0}, {"p": 1.0, "q": 2.0})
+    of_runs = fp.DesignProblem(LINE, prior, None, noise={"y": 0.2}, local={"q": "run"})
+    runs = fp.Runs(np.zeros((3, 0)), np.linspace(0.0, 2.0, 24).reshape(3, 4, 2) ** 2, np.ones((3, 4)))
+    return fp.validate(of_runs, {"runs": runs}, runs=30).plot()
+
+
 def windows() -> Figure:
     y = np.array([[[0.1], [0.4]], [[0.9], [0.5]]])
     held = fp.Runs([[0.0, 0.0], [1.0, 0.5]], [[1.0, 1.0], [0.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]])
@@ -195,6 +207,8 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "small numbers: ellipses": lambda: fit_of_line().plot("ellipses"),
     "small numbers: profile": lambda: small_fit().profile("k").plot(),
     "validation": validation,
+    "fleet": fleet,
+    "validation: local": validation_of_local,
     "comparison": lambda: plot_comparison({"points": {"tau": 0.01, "T": 90.0}, "runs": None}, {"tau": 0.2, "T": 200.0}),
     "campaign": lambda: plot_campaign(SERIES, {"tau": 0.02}),
     "sweep": sweep,

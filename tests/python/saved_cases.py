@@ -113,6 +113,7 @@ def saved_cases() -> dict[str, Saved]:
     several = fp.Measurements(several.points, several.y, labels={"plant": [str(k % 3) for k in range(len(several))]})
     fits += [fp.estimate(one.model, several, one.prior, noise=one.noise, deviations=local)]
     of_plant = problem(local={"k2": fp.Local("plant", spread=0.1)})
+    fleet, of_fleet = problem(local={"k2": "plant"}), {"starts": 1, "rounds": 1, "max_iterations": 1, "n_candidates": 5}
     cases = {
         "design": directory(design, "design.json"),
         "design over the prior": directory(over, "design.json"),
@@ -134,6 +135,7 @@ def saved_cases() -> dict[str, Saved]:
         "fit of runs": directory(fits[2], "fit.json"),
         "fit of local parameters": directory(fits[3], "fit.json"),
         "design beside local parameters": directory(fp.exchange(of_plant, n_experiments=3, **small), "design.json"),
+        "fleet": directory(fp.design_fleet(fleet, ["A", "B"], 2, **of_fleet), "design.json"),
         "pieces": file(pieces),
         "runs": Saved(runs, runs.save, fp.RunDesign.load, "design.json"),
         "sweep": file(fp.sweep(one, (2, 3), cost=fp.Cost(per_experiment=1.0, per_change={"u": 2.0}), **small)),
@@ -147,9 +149,13 @@ def saved_cases() -> dict[str, Saved]:
         "evaluation": file(design.evaluation),
         "feasibility": file(design.feasibility),
         "validation": file(fp.validate(one, {"design": points}, runs=8)),
+        "validation beside local parameters": file(
+            fp.validate(of_plant, points, runs=4, truth={"k2": fp.Local("plant", spread=0.2)})
+        ),
         "validation of runs": file(fp.validate(of_runs(), {"runs": runs}, runs=4, theta="mean")),
         "identifiability": file(fp.identifiability(one.model)),
         "campaign": Saved(None, lambda to: campaign(one, to), fp.Campaign.load, "campaign.json"),
+        "campaign of days": Saved(None, lambda to: campaign(problem(local={"k2": "day"}), to), fp.Campaign.load, "campaign.json"),
         "campaign of runs": Saved(None, lambda to: campaign(of_runs(), to), fp.Campaign.load, "campaign.json"),
     }
     return cases

@@ -196,7 +196,7 @@ MISTAKES = {
         "[desing]",
         "unknown key desing; expected one of model, prior, prior_correlation, noise, noise_correlation, "
         "uncertain, varies, initial_state_std, local, "
-        "region, runs, rule, goal, design, cost, campaign, data "
+        "region, runs, rule, goal, design, cost, campaign, fleet, data "
         '(did you mean "design"?)',
     ),
 }

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from fisherpoint.data.plans import planned
+from fisherpoint.information.nuisance import marginal_rows
 from fisherpoint.information.previous import previous_information
 from local_cases import NOISE, START, cart, measured
 
@@ -101,6 +103,25 @@ def test_previous_data_of_other_plants_have_loads_of_their_own(spread: float | N
     both = fp.evaluate(given, RUNS[3:], previous=[others[:1], same])
     assert both.information == pytest.approx(brute_force(RUNS, [0, 1, 1, 1, 1], spread), rel=1e-8)
     assert len(previous_information(given, others, 1)[0] or ()) == 24
+
+
+def test_a_plant_that_says_nothing_of_its_own_value_loses_nothing() -> None:
+    """With pumps at rest nothing shows their gain, and not knowing it costs nothing; two values that look alike cost one row."""
+    given, rng = tanks().replace(rtol=1e-10), np.random.default_rng(0)
+    x0 = rng.uniform(0.3, 2.0, (5, 2))
+    still = fp.Experiments(x0, np.zeros((5, 1)), np.full(5, 20.0))
+    known = fp.evaluate(given.replace(local=None, parameters=["k1", "k2", "k3"]), still)
+    assert fp.evaluate(given, still).information == pytest.approx(known.information, rel=1e-9)
+    moving = fp.Experiments(x0, np.ones((5, 1)), np.full(5, 20.0))
+    both = [planned(one, 1, {"plant": name}) for one, name in ((still, "A"), (moving, "B"))]
+    of_moving = fp.evaluate(given, moving).information
+    for points, others in ((still, both[1]), (moving, both[0])):
+        found = fp.evaluate(given, points, previous=others).information
+        assert found == pytest.approx(known.information + of_moving, rel=1e-8)
+    rows = rng.standard_normal((6, 4))
+    twice = np.column_stack([rows, rows[:, 3]])  # of two unknowns only the sum shows
+    left, expected = marginal_rows(twice, 2), marginal_rows(rows, 1)
+    assert left.T @ left == pytest.approx(expected.T @ expected, rel=1e-10)
 
 
 def test_designs_are_found_and_saved(tmp_path: Path) -> None:
@@ -207,11 +228,49 @@ def test_points_that_say_nothing_are_refused() -> None:
 
 def test_what_cannot_have_local_parameters_says_so() -> None:
     given = problem(local={"m_load": "run"})
-    with pytest.raises(ValueError, match="local: expected no local parameters in a validation, given m_load"):
-        fp.validate(given, {"runs": RUNS})
     with pytest.raises(ValueError, match=r"local: expected parameters that are local to a plant, as .*, given labels none"):
         fp.design_fleet(given, 3, 2)
-    with pytest.raises(ValueError, match=r"local\['m_load'\]: expected 'run' in a campaign, given 'plant'"):
-        fp.Campaign(problem(local={"m_load": "plant"}))
     with pytest.raises(ValueError, match="plants: expected at least one label, and each once; given A, A"):
         fp.design_fleet(tanks(), ["A", "A"], 2)
+
+
+@pytest.mark.parametrize("alike", [False, True])
+def test_a_fleet_is_saved_and_shown(alike: bool, tmp_path: Path) -> None:
+    given = tanks()
+    fleet = fp.design_fleet(given, ["A", "B"], 4, alike=alike, starts=1, rounds=1, n_candidates=10, max_iterations=2)
+    fleet.save(tmp_path / "fleet")
+    again = fp.FleetDesign.load(tmp_path / "fleet")
+    assert again.points == fleet.points and again.settings == fleet.settings and str(again) == str(fleet)
+    rows = (tmp_path / "fleet" / "design.csv").read_text().splitlines()
+    assert rows[0] == "h1,h2,u,dt,plant" and [row[-1] for row in rows[1:]] == ["A"] * 4 + ["B"] * 4
+    # What a plant says of a parameter: from the whole matrix of sensitivities, without the rows of the other's.
+    for name in fleet.evaluation.parameters:
+        assert sum(of[name] for of in fleet.shares.values()) == pytest.approx(1)
+        if alike:
+            assert fleet.shares["A"][name] == pytest.approx(0.5)
+    each = [fp.evaluate(given, one).information for one in fleet.points.values()]
+    assert fleet.evaluation.information == pytest.approx(sum(each), rel=1e-8)
+    assert set(fleet._plots()) == {"plants", "standard_errors", "correlation"}
+    with pytest.raises(ValueError, match="expected a file of format 'fisherpoint Design', given another"):
+        fp.Design.load(tmp_path / "fleet")
+    with pytest.raises(ValueError, match="kind: expected"):
+        fleet.plot("points")
+
+
+def test_runs_of_a_fleet_have_a_time_table(tmp_path: Path) -> None:
+    region = fp.RunRegion({"v": 0.0, "F": (1, 6), "dt": 0.2}, segments=4)
+    given = problem(region, local={"m_load": "rig"})
+    fleet = fp.design_fleet(given, 2, 1, starts=1, rounds=1, n_candidates=5)
+    fleet.save(tmp_path)
+    assert (tmp_path / "design.csv").read_text().splitlines()[0].endswith("rig")
+    assert (tmp_path / "plan.csv").exists() and fp.FleetDesign.load(tmp_path).points == fleet.points
+    fleet.to_html(tmp_path / "fleet.html", pictures=False)
+    assert "Runs of rig 2" in (tmp_path / "fleet.html").read_text()
+
+
+def test_one_plant_is_a_fleet() -> None:
+    fleet = fp.design_fleet(tanks(), 1, 5, starts=1, rounds=1, n_candidates=10, max_iterations=2)
+    assert list(fleet.points) == ["1"] and fleet.alike and "All have the same" not in str(fleet)
+    assert all(share == pytest.approx(1) for share in fleet.shares["1"].values())
+    few = fp.design_fleet(tanks(), 2, 1, starts=1, rounds=1, n_candidates=5, max_iterations=1)  # fewer numbers than unknowns
+    assert few.evaluation.covariance is None and not few.shares and "plants" not in few._plots() and "nan" not in str(few)

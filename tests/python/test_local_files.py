@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 import fisherpoint as fp
 from fisherpoint.design.file.configuration import ConfigError, load_config
-from fisherpoint_command.cli import app
+from fisherpoint.points.run_files import runs_csv
+from fisherpoint_command.cli import app, main
 from local_cases import NOISE, START, cart, measured
 
 FILE = """
@@ -55,6 +56,12 @@ def run(*arguments: object) -> str:
     found = CliRunner().invoke(app, [*map(str, arguments)])
     assert found.exit_code == 0, found.output
     return found.output
+
+
+def code(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as left:
+        main([str(argument) for argument in arguments])
+    return int(left.value.code or 0)
 
 
 @pytest.mark.parametrize(
@@ -150,3 +157,106 @@ def test_labels_have_names_of_their_own(labels: list[str], tmp_path: Path) -> No
         fp.Measurements.from_csv(tmp_path / "runs.csv", cart(), labels=labels)
     with pytest.raises(ValueError, match=r"labels\['plant'\]: expected 2 labels, one for each point or run; given 1"):
         fp.Measurements(measured(2, 3).points, np.zeros((2, 3)), labels={"plant": ("A",)})
+
+
+def test_validate_reads_labels_and_spreads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, data = written(tmp_path, 'm_load = { by = "rig", spread = 0.8 }'), measured(4, 8)
+    one, several = tmp_path / "one.csv", tmp_path / "several.csv"
+    data.runs.to_csv(one, cart())
+    fleet = fp.Measurements(data.points, data.y, labels={"rig": ["A", "A", "B", "C"]})
+    lines = fleet_plan(fleet).splitlines()
+    several.write_text("\n".join(lines) + "\n")
+    common = ("-n", "20", "--no-plots", "--quiet", "--force")
+    assert code("validate", file, one, several, *common, "-o", tmp_path / "out", "--spread", "m_load=0.2") == 0
+    text = (tmp_path / "out" / "report.txt").read_text()
+    assert "m_load: all 3 values together" in text and "m_load of each rig, with a spread of 0.2" in text
+    table = (tmp_path / "out" / "validation.csv").read_text()
+    assert table.count(",m_load,") == 2 and table.count(",local\n") == 2
+    for wrong in ("mass=1", "m_load", "m_load=x", "m_load=-1"):
+        assert code("validate", file, one, *common, "-o", tmp_path / "out", "--spread", wrong) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    several.write_text("\n".join([lines[0], *(line.replace(",A", ",") for line in lines[1:])]) + "\n")
+    assert code("validate", file, several, *common, "-o", tmp_path / "out") == 2
+    assert "rig" in capsys.readouterr().err
+
+
+def fleet_plan(data: fp.Measurements) -> str:
+    """The runs of several rigs as a plan, with the label in each run's first row alone."""
+    return runs_csv(data.runs, cart(), labels=data.labels)
+
+
+def test_campaign_reads_days(tmp_path: Path) -> None:
+    file = written(tmp_path, 'm_load = "day"', "[campaign]\nbatch = 1\ntargets = 0.1\n\n[design]\nn_candidates = 8\n")
+    rig = fp.VirtualRig(cart(), START, {"y": NOISE}, seed=1)
+    for k, day in enumerate(["Mon", "Mon", "Tue"], 1):
+        assert code("campaign", file, "-o", tmp_path / "run", "--no-plots", "--quiet") == 0
+        data = rig.measure(fp.Runs.from_csv(tmp_path / "run" / f"batch_{k}.csv", cart()))
+        fp.Measurements(data.points, data.y, labels={"day": day}).to_csv(tmp_path / "data.csv", cart())
+        given = ("campaign", file, "-o", tmp_path / "run", "--data", tmp_path / "data.csv", "--no-plots", "--quiet")
+        assert code(*given) == 0
+    report = (tmp_path / "run" / "report.txt").read_text()
+    assert "m_load[Mon]" in report and "m_load[Tue]" in report and "m_load of each day" in report
+    assert tuple((fp.Campaign.load(tmp_path / "run").fit or fp).local["m_load"]) == ("Mon", "Tue")
+
+
+FLEET = """
+[fleet]
+plants = ["north", "south"]
+starts = 1
+rounds = 1
+
+[design]
+n_candidates = 5
+"""
+
+
+def test_design_of_a_fleet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = FILE.replace("n_starts = 1\n", "")
+    file = tmp_path / "fleet.toml"
+    file.write_text(f'{text}\n[local]\nm_load = "plant"\n{FLEET}')
+    assert code("design", file, "--check") == 0
+    assert "plants" in (out := capsys.readouterr().out) and "2: north, south" in out and "1 run each" in out
+    assert code("design", file, "-o", tmp_path / "run", "--quiet") == 0
+    names = {"design.csv", "plan.csv", "design.json", "report.txt", "report.html"}
+    assert {path.name for path in (tmp_path / "run").iterdir()} == names | {"plants.png", "standard_errors.png", "correlation.png"}
+    fleet = fp.FleetDesign.load(tmp_path / "run")
+    assert list(fleet.points) == ["north", "south"] and fleet.settings.rounds == 1 and fleet.settings.n_candidates == 5
+    assert "Runs of plant south" in (tmp_path / "run" / "report.html").read_text()
+    assert code("validate", file, tmp_path / "run" / "design.csv", "-n", 20, "-o", tmp_path / "v", "--no-plots", "--quiet") == 0
+    assert "m_load: all 2 values together" in (tmp_path / "v" / "report.txt").read_text()
+    assert code("design", file, "-o", tmp_path / "run", "--quiet", "--force", "-L", 2, "--seed", 3, "--starts", 1) == 0
+    again = fp.FleetDesign.load(tmp_path / "run")
+    assert again.settings.size == 2 and again.settings.seed == 3 and {len(one) for one in again.points.values()} == {2}
+
+
+OF_PLANT = '[local]\nm_load = "plant"\n[fleet]\n'
+
+
+@pytest.mark.parametrize(
+    ("more", "options", "message"),
+    [
+        (OF_PLANT + "plants = 0\n", (), "fleet.plants: expected"),
+        (OF_PLANT + "plants = []\n", (), "fleet.plants: expected"),
+        (OF_PLANT + "plants = 2.5\n", (), "fleet.plants: expected"),
+        (OF_PLANT + 'plants = ["A", "A"]\n', (), "fleet.plants: expected at least one label, and each once; given A"),
+        (OF_PLANT + 'plants = [""]\n', (), "fleet.plants"),
+        (OF_PLANT, (), "fleet.plants: missing"),
+        (OF_PLANT + "plants = 2\nround = 1\n", (), "unknown key fleet.round; expected one of"),
+        (OF_PLANT + "plants = 2\nrounds = 0\n", (), "fleet.rounds: expected"),
+        (OF_PLANT + 'plants = 2\nalike = "no"\n', (), "fleet.alike: expected"),
+        ('[local]\nm_load = "run"\n[fleet]\nplants = 2\n', (), "local: expected parameters that are local to a plant"),
+        ("[fleet]\nplants = 2\n", (), "local: expected parameters that are local to a plant"),
+        (OF_PLANT + 'plants = 2\n[design]\nmethod = "paper"\n', (), 'design.method: expected none beside [fleet], given "paper"'),
+        (OF_PLANT + "plants = 2\n", ("--workers", "2"), "--workers: expected a file without a table [fleet]"),
+        (OF_PLANT + "plants = 2\n", ("--over", "log"), "--over: expected a file without a table [fleet]"),
+    ],
+)
+def test_mistakes_of_a_fleet_are_one_line(
+    more: str, options: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "fleet.toml"
+    file.write_text(FILE.replace("n_starts = 1\n", "") + "\n" + more)
+    assert code("design", file, "-o", tmp_path / "run", "--quiet", *options) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and message in error, error
+    assert not (tmp_path / "run").exists()

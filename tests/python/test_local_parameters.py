@@ -286,9 +286,9 @@ def test_posterior_leaves_local_parameters_alone() -> None:
         ({"m_load": "run"}, {"parameters": ["d", "m_load"]}, "parameters: expected those that all data share, given 'm_load'"),
         ({"m_load": "run", "d": "run", "c": "run"}, {}, "expected at least one name"),
         (
-            {"m_load": "run"},
+            {"m_load": fp.Local("run", spread=1.0)},
             {"noise": "estimated"},
-            "expected the sensor noise, or None, beside local parameters, given",
+            "expected the sensor noise together with the spread of local parameters, given 'estimated'",
         ),
         ({"m_load": fp.Local("run", spread=1.0)}, {"noise": None}, "noise: expected the sensor noise together with the spread"),
     ],

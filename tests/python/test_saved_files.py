@@ -36,6 +36,7 @@ NAMES = (
     "fit of runs",
     "fit of local parameters",
     "design beside local parameters",
+    "fleet",
     "pieces",
     "runs",
     "sweep",
@@ -47,9 +48,11 @@ NAMES = (
     "evaluation",
     "feasibility",
     "validation",
+    "validation beside local parameters",
     "validation of runs",
     "identifiability",
     "campaign",
+    "campaign of days",
     "campaign of runs",
 )
 

@@ -221,7 +221,9 @@ def lines_of(p: int, runs: int, seed: int, factor: float = 1.0) -> DesignValidat
     errors = rng.standard_normal((runs, 2 * p + 2)) @ x @ covariance
     errors[:, 0] *= factor
     no = np.zeros((runs, p), dtype=bool)
-    fits = VirtualFits(no * 0.0, errors, np.tile(std, (runs, 1)), np.abs(errors) < 1.959964 * std, no, np.full(runs, ""))
+    given = no * 0.0, errors, np.tile(std, (runs, 1)), np.abs(errors) < 1.959964 * std, no
+    fits = VirtualFits.none(p, 0, np.full(runs, ""))
+    fits = fits._replace(**dict(zip(fits._fields, given, strict=False)))
     names = [f"p{k}" for k in range(p)]
     promised = dict(zip(names, std.tolist(), strict=True))
     return DesignValidation.of(at([1.0]), promised, dict.fromkeys(names, 10.0), (), fits)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from ..basics.stop_reason import StopReason
@@ -72,7 +72,7 @@ def designed(
     *,
     threads: int,
     progress: bool | Callable[..., None] | None,
-    previous: Measurements | None,
+    previous: Sequence[Measurements] | None,
 ) -> Points:
     """Design the next batch.
 

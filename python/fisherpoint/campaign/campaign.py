@@ -20,7 +20,6 @@ from ..design.runs.run_tables import segments_table
 from ..estimation.estimate import estimate
 from ..estimation.fit import Fit
 from ..estimation.precision import quantile
-from ..information.local import RUN
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..information.run_information import checked_problem
@@ -31,6 +30,7 @@ from ..show.progress import Progress
 from ..show.section import Report, Section
 from .batches import Settings, designed, search_of
 from .files import CampaignFiles
+from .local import as_previous, check_plants, deviations_of, labelled, of_this_plant, words_of
 from .repeated import check_new
 from .report import campaign_report
 from .settings import batch_seed, batch_settings, checked_targets
@@ -47,6 +47,9 @@ class Campaign(Shown):
     Each batch is designed at the current estimate, with the information of all data so far: points by `exchange`, or runs by
     `design_runs`, as the region says. Each estimate is the maximum a posteriori of the problem's own prior and all data so far, so
     that nothing counts twice.
+
+    Local parameters are estimated beside the others. Data without labels are of one plant, and each batch is of a day of its own;
+    `Measurements` with labels say otherwise. The next batch is designed for the plant of the last one, and for a new day.
 
     Parameters
     ----------
@@ -85,8 +88,7 @@ class Campaign(Shown):
         **settings: Any,
     ) -> None:
         check_type(problem, DesignProblem, "problem")
-        for name in (name for name, one in problem.local_parameters.items() if one.by != RUN):
-            raise ValueError(f"local[{name!r}]: expected 'run' in a campaign, given {problem.local_parameters[name].by!r}")
+        words_of(problem)
         state = CampaignState(problem, batch_settings(problem, batch, seed, settings), checked_targets(targets, problem))
         self._begin(state, None, threads)
         if directory is not None:
@@ -198,7 +200,7 @@ class Campaign(Shown):
     @property
     def data(self) -> Measurements | None:
         """All data so far, without points and runs of which nothing was measured; None before any."""
-        return _measured([one.data for one in self.history]) if self.history else None
+        return self._measured([one.data for one in self.history]) if self.history else None
 
     @property
     def fit(self) -> Fit | None:
@@ -232,12 +234,13 @@ class Campaign(Shown):
         if self.fit is not None:
             posterior = self.fit.posterior()
             prior = prior.moved_to(posterior.mean) if settings.goal.prior_information and again else posterior
+            prior = of_this_plant(self.problem, self.fit, prior)
         found = designed(
             self.problem.replace(prior=prior),
             settings,
             threads=self._threads,
             progress=progress,
-            previous=self.data if again else None,
+            previous=as_previous(self.problem, self.data) if again and self.data is not None else None,
         )
         if self._files is not None:
             self._files.write_batch(replace(self._state, planned=found))
@@ -282,12 +285,16 @@ class Campaign(Shown):
         if number is not None:
             raise ValueError(f"data: expected new measurements, given those of batch {number} again")
         check_new([one.data for one in self.history], data)
+        check_plants(self.problem, [one.data for one in self.history], data)
         fit = self._estimated(self.history, data, progress)
+        own = [name for name in fit.parameters if name not in self.problem.common]
         batch = Batch(
             planned=self.planned,
             data=data,
-            estimate=fit.estimate,
-            standard_errors=fit.standard_errors,
+            estimate=_some(fit.estimate, self.problem.common),
+            standard_errors=_some(fit.standard_errors, self.problem.common),
+            local=_some(fit.estimate, own),
+            local_errors=_some(fit.standard_errors, own),
             chi_square=fit.chi_square,
             degrees_of_freedom=fit.degrees_of_freedom,
             stop_reason=fit.stop_reason,
@@ -369,18 +376,22 @@ class Campaign(Shown):
 
         It starts at the estimate before, too: the batch was designed there, and at the prior's mean their trajectories may fail.
         """
-        problem = self.problem
+        problem, measured = self.problem, self._measured([*(one.data for one in before), data])
         return estimate(
             problem.model,
-            _measured([*(one.data for one in before), data]),
+            measured,
             prior=problem.prior,
-            start=before[-1].estimate if before else None,
+            start={**before[-1].estimate, **before[-1].local} if before else None,
             parameters=problem.estimated,
             noise=problem.noise,
-            deviations=problem.deviations,
+            deviations=deviations_of(problem, measured),
             threads=self._threads,
             progress=progress,
         )
+
+    def _measured(self, batches: list[Measurements]) -> Measurements:
+        """The data of all batches, without points and runs of which nothing was measured: their trajectories may well fail."""
+        return Measurements.join(labelled(self.problem, batches)).measured_part
 
     def _change(self, **changes: Any) -> None:
         """Save, then take over: where that fails, nothing has changed."""
@@ -390,6 +401,5 @@ class Campaign(Shown):
         self._state = state
 
 
-def _measured(parts: list[Measurements]) -> Measurements:
-    """All parts, without points and runs of which nothing was measured: their trajectories may well fail."""
-    return Measurements.join(parts).measured_part
+def _some(given: Mapping[str, float], names: Sequence[str]) -> Mapping[str, float]:
+    return FrozenMapping({name: given[name] for name in names})

@@ -89,7 +89,7 @@ class CampaignFiles:
     def write_data(self, number: int, data: Measurements, model: Model) -> None:
         """Write the measurements of the batch of this number."""
         self._check_alone()
-        write_whole(self._data_path(number), measurements_csv(data.points, data.y, model))
+        write_whole(self._data_path(number), measurements_csv(data.points, data.y, model, data.labels))
 
     @classmethod
     def read(cls, directory: str | Path) -> tuple[CampaignFiles, CampaignState]:
@@ -104,7 +104,8 @@ class CampaignFiles:
 
     def _check_data(self, state: CampaignState) -> None:
         for number, batch in enumerate(state.batches, 1):
-            path, text = self._data_path(number), measurements_csv(batch.data.points, batch.data.y, state.problem.model)
+            path, data = self._data_path(number), batch.data
+            text = measurements_csv(data.points, data.y, state.problem.model, data.labels)
             if not path.exists():
                 write_whole(path, text)
             elif read_bytes(path) != text.encode():

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
+from ..information.problem_report import local_in_words
 from ..show.numbers import computed, counted, number, percent
 from ..show.section import Report, Section
 from .batches import search_of
 from .state import CampaignState
+
+MOST_LOCAL = 20
+"""Values of local parameters that are shown, the last ones."""
 
 MOST_COLUMNS = 6
 """Batches that are shown, the last ones."""
@@ -36,11 +40,21 @@ def campaign_report(state: CampaignState, met: Mapping[str, bool], done: bool) -
     so_far = (
         f"{counted(len(history), 'batch', 'batches')}, {' and '.join(counted(n, kind) for kind, n in measured.items())} measured"
     )
+    local, shown_local = state.problem.local_parameters, list(history[-1].local)[-MOST_LOCAL:] if history else []
     notes = [*_goodness(state), _stage(state, met, done)]
     table = Section("Relative standard errors, shares of the estimate", columns, rows, notes=notes)
     stuck = bool(history) and not history[-1].converged
     warnings = ["The last fit has not converged: its standard errors are not reliable"] * stuck
-    return Report(f"Campaign on {state.problem.model.name}: {so_far}", [table], warnings)
+    sections = [table]
+    if shown_local:
+        of_each = [
+            (name, units[name.partition("[")[0]], computed(history[-1].local[name], 5), computed(history[-1].local_errors[name]))
+            for name in shown_local
+        ]
+        left_out = len(history[-1].local) - len(shown_local)
+        notes = [f"{local_in_words(local)}{f'; {left_out} earlier ones left out' if left_out else ''}"]
+        sections.append(Section("Local parameters", ("value", "unit", "estimate", "standard error"), of_each, notes=notes))
+    return Report(f"Campaign on {state.problem.model.name}: {so_far}", sections, warnings)
 
 
 def _goodness(state: CampaignState) -> list[str]:

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from ..basics.checks import check_type
 from ..basics.field_checks import Extents
+from ..basics.messages import listed, shown
 from ..basics.result_files import Kept
 from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping, relative_errors
@@ -32,6 +33,8 @@ class Batch:
         Of all data up to this batch.
     stop_reason : StopReason
         Why the search for the estimate ended.
+    local, local_errors : mapping of name to float
+        Values of local parameters, as "m_load[3]", and their standard errors, SI units.
     """
 
     planned: Points | None
@@ -41,6 +44,10 @@ class Batch:
     chi_square: float
     degrees_of_freedom: float
     stop_reason: StopReason
+    local: Mapping[str, float] = FrozenMapping({})
+    local_errors: Mapping[str, float] = FrozenMapping({})
+
+    _EXTENTS: ClassVar[Extents] = {"local_errors": ("local",)}
 
     @property
     def converged(self) -> bool:
@@ -77,12 +84,15 @@ class CampaignState(Kept):
 
     _EXTENTS: ClassVar[Extents] = {
         "targets": ("any problem.estimated",),
-        "batches.estimate": ("problem.unknowns",),
-        "batches.standard_errors": ("problem.unknowns",),
+        "batches.estimate": ("problem.common",),
+        "batches.standard_errors": ("problem.common",),
     }
 
     def _check_content(self) -> None:
         check_type(self.settings, search_of(self.problem).settings, "settings")
+        local = self.problem.local_parameters
+        for name in (name for batch in self.batches for name in batch.local if name.partition("[")[0] not in local):
+            raise ValueError(f"local: expected values of {listed(local)}, given {shown(name)}")
 
     @property
     def estimate(self) -> Mapping[str, float]:

@@ -136,10 +136,6 @@ def estimate(
     look_for = isinstance(noise, str)
     if isinstance(noise, str):
         noise = None if noise == "estimated" else check_choice(noise, ("estimated",), "noise")
-    if look_for and local:
-        raise ValueError(
-            f"noise: expected the sensor noise, or None, beside local parameters, given 'estimated' and {listed(local)}"
-        )
     if noise is not None:
         noise = checked_noise(noise, names_of(model.outputs))
     uncertain, varies = deviations.uncertain, deviations.varies
@@ -196,7 +192,8 @@ def estimate(
             search = LocalSearch(residuals, known)
             found, spreads = search(z0)
         elif any(one.spread is not None for one in local.values()):
-            raise ValueError("noise: expected the sensor noise together with the spread of local parameters, given none")
+            unknown = "'estimated'" if look_for else "none"
+            raise ValueError(f"noise: expected the sensor noise together with the spread of local parameters, given {unknown}")
         elif varies or starts_anew:
             raise ValueError("noise: expected the sensor noise together with varies or initial_state_std, given none")
         else:

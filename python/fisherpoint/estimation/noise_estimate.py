@@ -86,7 +86,6 @@ def student_degrees(
     """
     values = weighted.unknowns.values(z[None])
     response = weighted.observed.respond(values)
-    dy, predicted = response.dy * weighted.unknowns.slopes(values)[:, None, None, :], response.y[0]
 
     def log_variances(name: str, k: int, step: float) -> Array:
         noise: dict[str, float | Noise] = {}
@@ -98,8 +97,8 @@ def student_degrees(
         of_samples = SensorNoise.of(Sensors.of(noise, outputs), data, False, 1)
         if of_samples is None:
             raise AssertionError("noise that is found here is more than white")
-        of_samples = of_samples.at(predicted)
-        rows = weighted.weighed(of_samples.covariance, (), of_samples).rows(response.y, dy)
+        of_samples = of_samples.at(response.y[0])
+        rows = weighted.weighed(of_samples.covariance, (), of_samples).rows(values, response)
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(np.diag(Precision.of(rows, held).covariance)))
 

@@ -84,11 +84,14 @@ def _settled(
 def _likelihood(fit: Fit, output: int) -> RestrictedLikelihood:
     response = fit.weighted.observed.respond(fit.values[None])
     there = np.isfinite(fit.residuals[:, output])
-    jacobian = response.dy[0, there, output] * fit.slopes
+    local, common = fit.weighted.observed.local, fit.weighted.observed.common
+    places = local.samples[there]
+    free = np.broadcast_to(~fit.held[:common], (len(places), common))
+    own = ~fit.held[common:][places] if local.each else np.ones(places.shape, dtype=bool)
+    jacobian = (response.dy * fit.weighted.slopes(fit.values[None]))[0, there, output] * np.concatenate([free, own], axis=1)
     times, series = times_and_series(fit.data)
-    return RestrictedLikelihood.of(
-        fit.residuals[there, output], jacobian[:, ~fit.held], times[there], fit.predicted[there, output], series[there]
-    )
+    samples = fit.residuals[there, output], jacobian, times[there], fit.predicted[there, output], series[there]
+    return RestrictedLikelihood.of(*samples, places if local.each else None)
 
 
 def _same(one: FormOfNoise, other: FormOfNoise) -> bool:

@@ -16,7 +16,8 @@ def posterior_of(fit: FitStatistics) -> GaussianPrior:
     """The normal distribution of the estimate over all parameters of the model; see `Fit.posterior`."""
     fit = replace(fit, weighted=replace(fit.weighted, unknowns=fit.weighted.unknowns.without_bounds(fit.parameters)))
     unknowns, names = fit.weighted.unknowns, names_of(fit.model.parameters)
-    if fit.null_directions:
+    common = [name in fit.common for name in unknowns.names]
+    if not fit.precision.determined[common].all():
         raise ValueError(
             f"posterior: expected data that determine every parameter, given none on: {'; '.join(fit.null_directions)}"
         )

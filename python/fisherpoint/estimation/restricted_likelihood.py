@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 from ..engine import _core
+from .block_basis import basis_of, block_basis
+from .bordered import Bordered
 
 MOST_SAMPLES = 100_000
 """Samples from which noise is found; further ones are not needed."""
-
-RANK = 1e-8
-"""Share of the largest singular value below which a derivative is one of others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,34 +45,54 @@ class RestrictedLikelihood:
 
     Attributes
     ----------
-    columns : ndarray, (n, r + 1)
+    columns : ndarray, (n, c + 1)
         An orthonormal basis of the derivatives, and last the residuals, series after series.
     times, outputs : ndarray, (n,)
         s within the series, and predicted outputs, which noise may grow with.
     lengths : ndarray of int
         Number of samples of each series.
+    rank : int
+        How many vectors the basis has.
+    layout : Bordered or None
+        How it is stored, where local parameters have values in some of the series alone: a series is of one block.
     """
 
     columns: Array
     times: Array
     outputs: Array
     lengths: NDArray[np.intp]
+    rank: int
+    layout: Bordered | None = None
 
     @classmethod
-    def of(cls, e: Array, jacobian: Array, times: Array, outputs: Array, series: NDArray[np.intp]) -> RestrictedLikelihood:
-        """That of residuals (n,), their derivatives (n, P), times, outputs, and the number of each sample's series."""
+    def of(
+        cls,
+        e: Array,
+        jacobian: Array,
+        times: Array,
+        outputs: Array,
+        series: NDArray[np.intp],
+        places: NDArray[np.intp] | None = None,
+    ) -> RestrictedLikelihood:
+        """The likelihood of residuals (n,) with derivatives (n, P), times, outputs, and the number of each sample's series.
+
+        With `places` (n, w) of the values of local parameters that a sample depends on, its derivatives by these are the last w.
+        """
         some = slice(MOST_SAMPLES)
         e, jacobian, times, outputs, series = e[some], jacobian[some], times[some], outputs[some], series[some]
-        length = np.linalg.norm(jacobian, axis=0)
-        left, sizes, _ = np.linalg.svd(jacobian[:, length > 0] / length[length > 0], full_matrices=False)
-        basis = left[:, sizes > RANK * max(sizes.max(initial=0.0), 1e-300)]
         lengths = np.unique(series, return_counts=True)[1]
-        return cls(np.column_stack([basis, e]), times, outputs, lengths)
+        if places is None:
+            basis = basis_of(jacobian)
+            return cls(np.column_stack([basis, e]), times, outputs, lengths, int(basis.shape[1]))
+        _, own = np.unique(places[some], return_inverse=True)
+        layout = Bordered(own.reshape(len(e), -1), jacobian.shape[1] - places.shape[1], int(own.max(initial=-1)) + 1)
+        columns, layout, rank = block_basis(jacobian, layout)
+        return cls(np.column_stack([columns, e]), times, outputs, lengths, rank, layout)
 
     @property
     def degrees_of_freedom(self) -> int:
         """Samples less what the unknowns take up."""
-        return len(self.columns) - int(self.columns.shape[1]) + 1
+        return len(self.columns) - self.rank
 
     @cached_property
     def spans(self) -> Array:
@@ -108,6 +127,10 @@ class RestrictedLikelihood:
         white, log_det = self._whitened(noise)
         if not np.isfinite(white).all():
             return np.inf, 0.0
+        if self.layout is not None:
+            tangent = self.layout.tangent(white[None, :, -1], white[None, :, :-1])
+            logs = float(np.log(tangent.factor.pivots()).sum() + np.log(tangent.size).sum())
+            return log_det + 2 * logs, max(float(white[:, -1] @ white[:, -1] - np.square(tangent.along).sum()), 0.0)
         triangle = np.abs(np.diag(np.linalg.qr(white, mode="r")))
         with np.errstate(divide="ignore"):
             return log_det + 2 * float(np.log(triangle[:-1]).sum()), float(triangle[-1] ** 2)

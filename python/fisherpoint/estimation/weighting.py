@@ -19,6 +19,7 @@ from ..points.settings import Integration
 from ..points.status import Status
 from .least_squares import Accuracy
 from .observed import Observed
+from .response import Response
 from .sensor_noise import Readings, SensorNoise
 from .tangent_space import DENSE, Layout
 from .unknowns import Unknowns
@@ -212,18 +213,20 @@ class WeightedResiduals:
         """How `stored` has Jacobians."""
         return self._stored[0]
 
-    def rows(self, y: Array, jacobian: Array, over_prior: bool = False) -> Array:
-        """Rows J (M, P) with the information J^T J, from predicted outputs (1, N, n_y) and their derivatives by z.
+    def rows(self, values: Array, response: Response, over_prior: bool = False) -> Array:
+        """Rows J (M, P) with the information J^T J, from the response to unknowns (1, P).
 
         That of rounded and limited readings as it is there, or averaged over where unknowns of standard deviation 1 have the
         outputs.
         """
+        jacobian = response.dy * self.slopes(values)
         if (readings := self._readings) is not None:
-            white = readings.rows(y, jacobian, np.sqrt(np.square(jacobian).sum(axis=3)) if over_prior else None)
+            white = readings.rows(response.y, jacobian, np.sqrt(np.square(jacobian).sum(axis=3)) if over_prior else None)
         else:
             white = self._whitened(self.covariance, jacobian)[0]
-        rows = white.reshape(-1, jacobian.shape[3])
-        return rows if self.prior_factor is None else np.concatenate([rows, self.prior_factor])
+        rows, prior = white.reshape(-1, jacobian.shape[3]), self._stored[1]
+        whole: Array = self.layout.dense((rows if prior is None else np.concatenate([rows, prior]))[None])[0]
+        return whole
 
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Residuals r (B, M), where r^T r / 2 is minimised, their Jacobian (B, M, P), and whether they are there (B,)."""
@@ -242,7 +245,7 @@ class WeightedResiduals:
         """As a call, or `scores`, with Jacobians as the layout has them."""
         values = self.unknowns.values(z)
         response = self.observed.respond(values)
-        dy = response.dy * self._slopes(values)
+        dy = response.dy * self.slopes(values)
         if (readings := self._readings) is not None:
             readings = readings if len(self.y) == 1 else readings.some(rows)
             e, jacobian = (readings.scores if scores else readings.deviance)(response.y, dy)
@@ -259,7 +262,7 @@ class WeightedResiduals:
             jacobian = np.concatenate([jacobian, np.broadcast_to(prior, (len(z), *prior.shape))], axis=1)
         return r, jacobian, response.status == 0
 
-    def _slopes(self, values: Array) -> Array:
+    def slopes(self, values: Array) -> Array:
         """d values / dz at unknowns (B, P) of each column of a response, (B, 1 or N, 1, columns)."""
         slopes, local, common = self.unknowns.slopes(values), self.observed.local, self.observed.common
         if not local.each:

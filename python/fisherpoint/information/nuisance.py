@@ -9,14 +9,22 @@ from __future__ import annotations
 import numpy as np
 
 from ..basics.values import Array
+from ..noise.common_error import NOTHING_LEFT, beside_free
 
 
 def marginal_rows(rows: Array, nuisance: int) -> Array:
-    """Rows (r, p) whose Gram matrix is that of rows (m, p + nuisance), c marginalised: by QR, without squares."""
+    """Rows (r, p) whose Gram matrix is that of rows (m, p + nuisance), c marginalised: by QR, without squares.
+
+    A QR would take a row for each c, also for one that no row notices, or that looks like another: then rows are projected.
+    """
     if not nuisance:
         return rows
     ordered = np.concatenate([rows[:, -nuisance:], rows[:, :-nuisance]], axis=1)
-    return np.asarray(np.linalg.qr(ordered, mode="r"), dtype=np.float64)[nuisance:, nuisance:]
+    triangle = np.asarray(np.linalg.qr(ordered, mode="r"), dtype=np.float64)
+    pivots = np.abs(np.diag(triangle))[:nuisance]
+    if len(pivots) == nuisance and (pivots > NOTHING_LEFT * np.linalg.norm(triangle[:, :nuisance], axis=0)).all():
+        return triangle[nuisance:, nuisance:]
+    return beside_free(rows[None, :, None, :-nuisance], rows[None, :, None, -nuisance:])[0, :, 0]
 
 
 def beside_nuisance(information: Array, nuisance: int) -> Array:

@@ -298,6 +298,11 @@ class DesignProblem(InNotebooks):
         return self.estimated if self.assumed is None else self.estimated + self.assumed.nuisance_names
 
     @property
+    def common(self) -> tuple[str, ...]:
+        """Those of them that all data share, whatever their labels."""
+        return tuple(name for name in self.unknowns if name not in self.local_parameters)
+
+    @property
     def n_unknowns(self) -> int:
         """How many there are."""
         return len(self.estimated) + self.n_nuisance

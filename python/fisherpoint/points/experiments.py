@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -151,7 +151,11 @@ class Experiments(InNotebooks):
             Where a column is missing or unknown, or an entry is no number; the message names row and column.
         """
         check_type(model, Model, "model")
-        table = DataTable(as_path(path, "path"))
+        return cls._of_table(DataTable(as_path(path, "path")), model)
+
+    @classmethod
+    def _of_table(cls, table: DataTable, model: Model, ignored: Iterable[str] = ()) -> Experiments:
+        """Read points of a table in which further columns are not read."""
         names, n_x, n_u = names_of(model.axes), len(model.states), len(model.inputs)
         places = (*place_names(n_x, n_u), *names[n_x + n_u :])
         columns = places if places[0] in table and names[0] not in table else names
@@ -159,7 +163,7 @@ class Experiments(InNotebooks):
             columns = (*columns, "dt")
         if not set(columns) <= set(table.names):
             raise ValueError(f"{table.path}: expected the columns {listed(names)}; given {listed(table.names)}")
-        besides = {*columns, *(f"x0_{name}" for name in names[:n_x]), "status", *BOOKKEEPING}
+        besides = {*columns, *(f"x0_{name}" for name in names[:n_x]), "status", *BOOKKEEPING, *ignored}
         besides.update(name for output in names_of(model.outputs) for name in (output, f"y_{output}"))
         if unknown := [name for name in table.names if name not in besides]:
             raise ValueError(

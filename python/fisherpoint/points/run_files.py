@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.checks import as_path, check_alike, check_type
+from ..basics.checks import check_alike, check_type
 from ..basics.csv_file import csv_text
 from ..basics.messages import listed, shown
 from ..basics.quantity import DURATION, Quantity, names_of
@@ -119,13 +118,12 @@ def _rest_cells(rest: Rest | None, inputs: Sequence[str], outputs: Sequence[str]
 
 
 def read_runs(
-    path: str | Path, model: Model
+    table: DataTable, model: Model, ignored: Collection[str] = ()
 ) -> tuple[Array, Array, Array, NDArray[np.bool_], list[Rest | None] | None, Array | None]:
-    """x0, u, dt, measured, rest and inputs before the start of the runs in a file; see `Runs.from_csv`."""
-    table = DataTable(as_path(path, "path"))
+    """x0, u, dt, measured, rest and inputs before the start of the runs in a table; see `Runs.from_csv`."""
     further, before = rest_columns_of(table, model), before_columns_of(table, model)
     every = (EVERY.name,) if EVERY.name in table and EVERY.name not in columns_of(model) else ()
-    x0, u, dt, measured = runs_of_table(table, model, (*further, *before, *every))
+    x0, u, dt, measured = runs_of_table(table, model, (*further, *before, *every), ignored)
     u, dt, measured = _sampled(table, u, dt, measured) if every else (u, dt, measured)
     return x0, u, dt, measured, rest_of_table(table, model) if further else None, before_of_table(table, model)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
@@ -10,9 +10,10 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_floats, as_index, as_parts, check_alike, check_type
+from ..basics.checks import as_floats, as_index, as_parts, as_path, check_alike, check_type
 from ..basics.files import write_whole
 from ..basics.messages import shown
+from ..basics.table import DataTable
 from ..basics.values import Array
 from ..models import Model
 from ..show.section import Report
@@ -365,7 +366,12 @@ class Runs(InNotebooks):
             message names row and column.
         """
         check_type(model, Model, "model")
-        *parts, rest, before = read_runs(path, model)
+        return cls._of_table(DataTable(as_path(path, "path")), model)
+
+    @classmethod
+    def _of_table(cls, table: DataTable, model: Model, ignored: Collection[str] = ()) -> Runs:
+        """Read runs of a table in which further columns are not read."""
+        *parts, rest, before = read_runs(table, model, ignored)
         return cls(*parts, rest=rest, before=before, columns=columns_of(model))
 
 

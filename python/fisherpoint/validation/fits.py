@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.quantity import names_of
-from ..basics.values import Array
+from ..basics.values import Array, FrozenMapping
 from ..data.measurements import Measurements
 from ..estimation.known_noise import KnownNoise
-from ..estimation.least_squares import CONVERGED, ENDS
+from ..estimation.least_squares import CONVERGED, ENDS, UNNOTICED
+from ..estimation.local_spread import beside
+from ..estimation.local_unknowns import LocalUnknowns, of_common
 from ..estimation.nuisance import known_beforehand, nuisance_of
 from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
@@ -23,6 +25,7 @@ from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbi
 from ..estimation.unknown_noise import check_noise_is_determined, correlations_can_be_estimated
 from ..estimation.unknowns import Unknowns, checked_bounds, prior_factor, unknowns_of
 from ..estimation.weighting import WeightedResiduals
+from ..information.local import RECORD, RUN, Local
 from ..information.problem import DesignProblem
 from ..information.run_information import information_of
 from ..noise.models import NoiseOf, outputs_of
@@ -39,6 +42,8 @@ MOST_NUMBERS = 4_000_000
 RTOL = 1e-9
 """Tolerance of the fits' trajectories."""
 
+NO_LABELS: Mapping[str, tuple[str, ...]] = FrozenMapping({})
+
 STARTS = 8
 """Starts of a search at most, as `estimate` has by default."""
 
@@ -50,11 +55,12 @@ WRONG = "a wrong minimum: from the true parameters, the search ends lower"
 
 
 class VirtualFits(NamedTuple):
-    """n virtual experiments and their fits; P estimated parameters, without the nuisance ones.
+    """n virtual experiments and their fits; P estimated parameters, without the nuisance ones, and L values of local parameters.
 
     estimate and standard_error (n, P) in SI units, covered (n, P) by an interval that has ends, at_bound (n, P), and why a fit
     failed (n,), an empty string for one that did not. The estimate of one that did is where its search ended, NaN where there were
-    no data; its other numbers mean nothing.
+    no data; its other numbers mean nothing. Of local parameters the errors of their estimates, standard errors, and whether
+    intervals cover the truth, (n, L): all values of one parameter after those of another.
     """
 
     truth: Array
@@ -63,12 +69,17 @@ class VirtualFits(NamedTuple):
     covered: NDArray[np.bool_]
     at_bound: NDArray[np.bool_]
     failure: NDArray[np.str_]
+    local_error: Array
+    local_standard_error: Array
+    local_covered: NDArray[np.bool_]
 
     @classmethod
-    def none(cls, n_parameters: int) -> VirtualFits:
-        """Fits of no experiments at all."""
-        nothing = np.empty((0, n_parameters))
-        return cls(nothing, nothing, nothing, nothing > 0, nothing > 0, np.empty(0, dtype=np.str_))
+    def none(cls, n_parameters: int, n_local: int = 0, failure: NDArray[np.str_] | None = None) -> VirtualFits:
+        """Experiments without fits, by default none at all."""
+        failure = np.empty(0, dtype=np.str_) if failure is None else failure
+        blank, own = (np.full((len(failure), n), np.nan) for n in (n_parameters, n_local))
+        flags = blank > 0
+        return cls(blank, blank.copy(), blank.copy(), flags, flags.copy(), failure, own, own.copy(), own > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +96,8 @@ class Estimator:
     promise : Precision
         What the noise and the points promise at the prior mean.
     nuisance : int
-        The last so many unknowns are constants of the plant that are not known exactly, and starts that all runs share.
+        So many unknowns behind the parameters are constants of the plant that are not known exactly, and starts that all runs
+        share.
     """
 
     residuals: WeightedResiduals
@@ -105,33 +117,40 @@ class Estimator:
         rtol: float,
         threads: int,
         over_prior: bool = False,
+        labels: Mapping[str, tuple[str, ...]] = NO_LABELS,
     ) -> Estimator:
         model, names = problem.model, problem.estimated
         outputs = names_of(model.outputs)
-        data = Measurements(points, _blank(points, np.array([0.0 if name in outputs_of(noise) else np.nan for name in outputs])))
-        blank = data.samples
+        blank_of = _blank(points, np.array([0.0 if name in outputs_of(noise) else np.nan for name in outputs]))
+        local = {name: Local(RUN if one.by == RECORD else one.by, spread=one.std) for name, one in problem.local_parameters.items()}
+        words = dict.fromkeys(one.by for one in local.values() if one.by != RUN)
+        data = Measurements(points, blank_of, labels={word: labels.get(word, ("1",) * len(points)) for word in words})
+        blank, of_groups, prior = data.samples, LocalUnknowns.of(local, [data]), of_common(problem.prior, local)
         nuisance, starts_anew = nuisance_of(problem.uncertain, problem.initial_state_std, problem.shared_starts)
         joint = nuisance.of(model)
         theta = joint.theta(problem.theta)
-        observed = Observed(joint.model, [data], (*names, *joint.nuisance_names), theta, rtol, threads)
+        observed = Observed(joint.model, [data], (*names, *joint.nuisance_names), theta, rtol, threads, of_groups)
         if not noise_known:
-            check_noise_is_determined(observed, problem.prior if use_prior else None)
+            check_noise_is_determined(observed, prior if use_prior else None)
         information_of(problem, data.runs, threads)  # which must be there
         places = names_of(joint.model.parameters)
-        mean = {name: float(theta[places.index(name)]) for name in observed.names}
-        bounds = checked_bounds(joint.model, None, observed.names)
-        unknowns = unknowns_of(mean, known_beforehand(problem.prior, joint, theta), {}, bounds)
-        factor = prior_factor(known_beforehand(problem.prior if use_prior else None, joint, theta), unknowns)
+        own = {name: float(theta[places.index(name)]) for name in (*names, *joint.nuisance_names, *local)}
+        mean = {name: of_groups.starts(own)[name] for name in observed.names}
+        bounds = of_groups.bounds(checked_bounds(joint.model, None, tuple(own)))
+        about = of_groups.coordinates(own, problem.prior)
+        unknowns = unknowns_of(mean, known_beforehand(prior, joint, theta), {}, bounds, about)
+        factor = prior_factor(known_beforehand(prior if use_prior else None, joint, theta), unknowns)
+        spreads = {name: one.std for name, one in local.items() if one.std is not None}
+        factor = beside(factor, of_groups.spread_rows(unknowns, spreads))
         sensors = Sensors.of(noise, outputs)
         covariance, varies = np.diag(np.square(sensors.nominal_std)), problem.varies
         more = SensorNoise.of(sensors, [data], bool(varies or starts_anew), threads)
         known = KnownNoise(joint.model, (data,), covariance, more, varies, starts_anew, problem.deviations.rule, rtol, threads)
         residuals = WeightedResiduals(observed, unknowns, blank[None], covariance, factor)
-        starts = evaluable_starts(observed, unknowns, mean, problem.prior, STARTS)
+        starts = evaluable_starts(observed, unknowns, mean, prior, STARTS)
         residuals = known.weighed(residuals, starts[0])
         values = unknowns.values(starts[:1])
-        response = observed.respond(values)
-        rows = residuals.rows(response.y, response.dy * unknowns.slopes(values)[:, None, None, :], over_prior)
+        rows = residuals.rows(values, observed.respond(values), over_prior)
         return cls(residuals, starts, noise_known, Precision.of(rows), len(joint.nuisance))
 
     @property
@@ -141,14 +160,34 @@ class Estimator:
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the P estimated parameters."""
-        return self.unknowns.names[: len(self.unknowns) - self.nuisance]
+        return self.unknowns.names[: self.residuals.observed.common - self.nuisance]
+
+    @property
+    def local(self) -> LocalUnknowns:
+        """The values of local parameters, which are the last unknowns."""
+        return self.residuals.observed.local
 
     @property
     def promised_errors(self) -> Array:
         """Standard errors (P,) in SI units at the prior mean; NaN for what the points do not determine."""
+        return self._promised_errors[: len(self.parameters)]
+
+    @property
+    def local_errors(self) -> Mapping[str, Array]:
+        """Standard errors in SI units, as promised, of the values of each local parameter."""
+        own = self._promised_errors[self.residuals.observed.common :]
+        return {name: own[self.local.of_parameter(name)] for name in self.local.local}
+
+    @property
+    def _promised_errors(self) -> Array:
         slopes = self.unknowns.slopes(self.unknowns.values(self.starts[:1]))[0]
         errors: Array = np.sqrt(np.diag(self.promise.covariance)) * slopes
-        return np.where(self.promise.determined, errors, np.nan)[: len(self.parameters)]
+        return np.where(self.promise.determined, errors, np.nan)
+
+    @property
+    def promises(self) -> bool:
+        """Whether the points determine a parameter."""
+        return bool(self.promise.determined[: len(self.parameters)].any())
 
     @property
     def null_directions(self) -> tuple[str, ...]:
@@ -172,7 +211,7 @@ class Estimator:
         return Searches(residuals, self.noise_known, self.starts).searched(truth)
 
     def fit(self, y: Array, truth: Array) -> VirtualFits:
-        """Fit data (B, N, n_y) of true unknowns, the nuisance ones with them."""
+        """Fit data (B, N, n_y) of true unknowns, the nuisance and local ones with them."""
         unknowns, residuals = self.unknowns, replace(self.residuals, y=y)
         true = unknowns.coordinates(truth)
         found = self.searched(residuals, true)
@@ -194,18 +233,25 @@ class Estimator:
         spread = np.where(determined, np.sqrt(np.einsum("bii->bi", covariance)), np.inf)
         estimate = unknowns.values(minima.z)
         within = np.abs(minima.z - true) <= quantile(LEVEL, degrees_of_freedom) * spread
+        common = self.residuals.observed.common
+        # A value of a local parameter that no sample notices is nothing to the others.
+        fine = (minima.end == CONVERGED) | ((minima.end == UNNOTICED) & determined[:, :common].all(axis=1))
         ends = [
-            WRONG if wrong and end == CONVERGED else ENDS[int(end)].words
-            for end, wrong in zip(minima.end, found.wrong, strict=True)
+            (WRONG if wrong else "") if good else ENDS[int(end)].words
+            for end, wrong, good in zip(minima.end, found.wrong, fine, strict=True)
         ]
-        own = slice(0, len(self.parameters))
+        own, local = slice(0, len(self.parameters)), slice(common, None)
+        errors = spread * unknowns.slopes(estimate)
         return VirtualFits(
             truth[:, own],
             estimate[:, own],
-            (spread * unknowns.slopes(estimate))[:, own],
+            errors[:, own],
             (within & determined)[:, own],
             held[:, own],
-            np.array(["" if end == ENDS[CONVERGED].words else end for end in ends], dtype=np.str_),
+            np.array(ends, dtype=np.str_),
+            (estimate - truth)[:, local],
+            errors[:, local],
+            (within & determined)[:, local],
         )
 
     def _of_data(self, jacobian: Array) -> Array:
@@ -233,19 +279,24 @@ class VirtualExperiments:
         """True values (n, P) of the estimated parameters, of true parameters theta (n, p)."""
         return theta[:, [names_of(self.rig.model.parameters).index(name) for name in self.estimator.parameters]]
 
+    def passed(self, theta: Array, streams: Streams) -> None:
+        """Draw the random numbers of virtual experiments and drop them."""
+        self.rig.local_values(theta, self.estimator.local, streams)
+        self.rig.deviations(self.points, len(theta), streams)
+
     def run(self, theta: Array, streams: Streams) -> VirtualFits:
         """Measure the points at true parameters theta (n, p), and fit the data of each virtual experiment."""
-        estimator = self.estimator
-        known = self.truth(theta)
-        y, status, deviations = self.rig.measure(self.points, theta, streams, self.threads)
-        of_nuisance = np.tile(estimator.unknowns.center[known.shape[1] :], (len(theta), 1))
+        estimator, known = self.estimator, self.truth(theta)
+        local = self.rig.local_values(theta, estimator.local, streams)
+        of_runs = self.rig.of_runs(theta, estimator.local, local)
+        y, status, deviations = self.rig.measure(self.points, of_runs, streams, self.threads)
+        of_nuisance = np.tile(estimator.unknowns.center[known.shape[1] :][: estimator.nuisance], (len(theta), 1))
         if deviations.shape[1]:  # a true model of its own has its own constants
             of_nuisance += deviations
-        truth = np.concatenate([known, of_nuisance], axis=1)
+        truth = np.concatenate([known, of_nuisance, local], axis=1)
         failure = np.array([f"{NO_DATA}: {Status(int(code)).name}" for code in status], dtype="<U80")
         ok = status == Status.ok
-        blank = np.full(known.shape, np.nan)
-        found = VirtualFits(known, blank, blank.copy(), blank > 0, blank > 0, failure)
+        found = VirtualFits.none(known.shape[1], local.shape[1], failure)._replace(truth=known)
         if ok.any():
             for whole, part in zip(found[1:], estimator.fit(y[ok], truth[ok])[1:], strict=True):
                 whole[ok] = part

@@ -80,7 +80,7 @@ class PartWork:
             theta = thetas[first : first + size]
             yield Part(first, theta, {name: one.position for name, one in streams.items()})
             for name, one in self.experiments.items():
-                one.rig.deviations(one.points, len(theta), streams[name])
+                one.passed(theta, streams[name])
             first += len(theta)
 
     @property
@@ -93,7 +93,9 @@ class PartWork:
         """How many experiments may be sent together, there as true parameters and back as fits."""
         experiments = self.experiments.values()
         there = 8 * max(len(one.rig.model.parameters) for one in experiments)
-        back = sum(1 + 18 * len(one.estimator.parameters) for one in experiments)  # two numbers and two flags of each parameter
+        back = sum(  # two numbers and two flags of each parameter, and two and one of a local value
+            1 + 18 * len(one.estimator.parameters) + 17 * len(one.estimator.local.each) for one in experiments
+        )
         return max(1, min(self.most, BYTES // max(there, back)))
 
 

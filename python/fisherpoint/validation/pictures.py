@@ -26,7 +26,7 @@ BANDS = 2.0
 
 def plot_validation(designs: Mapping[str, DesignValidation]) -> Figure:
     """One row of two panels per design: standard errors over the prior std, and the coverage of the fits' 95 % intervals."""
-    count, rows = len(designs), max(len(design.parameters) for design in designs.values())
+    count, rows = len(designs), max(len(design.figures) for design in designs.values())
     limits = _limits(designs.values())
     with mpl.rc_context(STYLE):
         figure = Picture(figsize=(8.6, 1.3 + count * (0.85 + 0.27 * rows)), layout="constrained")
@@ -64,19 +64,17 @@ def _limits(designs: Iterable[DesignValidation]) -> tuple[float, float]:
     """
     shown = [1.0]
     for design in designs:
-        for j, of in enumerate(design.parameters.values()):
+        for name, of in design.figures.items():
             sizes = [of.promised, of.typical.value]
             if design.per_run is not None and np.isfinite(of.achieved.value):
-                fine = design.per_run.failure == ""
-                errors = np.abs(design.per_run.estimate - design.per_run.truth)[fine, j]
-                sizes.append(min(of.achieved.value, float(np.quantile(errors, MOST))))
+                sizes.append(min(of.achieved.value, float(np.quantile(np.abs(design.errors(name)), MOST))))
             shown += [size / of.prior_std for size in sizes if np.isfinite(size) and size > 0]
     return min(shown) / 1.6, max(shown) * 1.6
 
 
 def _errors(axes: Axes, design: DesignValidation, limits: tuple[float, float]) -> None:
     """Promised, achieved and typical standard errors of each parameter."""
-    figures = list(design.parameters.values())
+    figures = list(design.figures.values())
     rows, prior = np.arange(len(figures)), np.array([of.prior_std for of in figures])
     promised = np.array([of.promised for of in figures]) / prior
     achieved, achieved_error = _values([(of.achieved.value, of.achieved.error) for of in figures], prior)
@@ -117,14 +115,13 @@ def _errors(axes: Axes, design: DesignValidation, limits: tuple[float, float]) -
         fontsize=7,
         color=TEXT,
     )
-    _parameters(axes, [of.parameter for of in figures])
+    _parameters(axes, [*design.parameters, *(f"{name} (local)" for name in design.local)])
 
 
 def _mark_outside(axes: Axes, design: DesignValidation, row: int, limit: float) -> None:
     """An arrow at the edge, and how many of the fits have errors beyond it."""
-    assert design.per_run is not None
-    of, fine = list(design.parameters.values())[row], design.per_run.failure == ""
-    errors = np.abs(design.per_run.estimate - design.per_run.truth)[fine, row] / of.prior_std
+    name, of = list(design.figures.items())[row]
+    errors = np.abs(design.errors(name)) / of.prior_std
     axes.plot([limit], [row], ">", color=CRITERION, markersize=8, clip_on=False)
     axes.annotate(
         f"{counted(int((errors > limit).sum()), 'fit')} outside",
@@ -138,7 +135,7 @@ def _mark_outside(axes: Axes, design: DesignValidation, row: int, limit: float) 
 
 
 def _coverage(axes: Axes, design: DesignValidation) -> None:
-    figures = list(design.parameters.values())
+    figures = list(design.figures.values())
     rows, ones = np.arange(len(figures)), np.ones(len(figures))
     coverage, error = _values([(of.coverage.value, of.coverage.error) for of in figures], ones)
     axes.axvspan(LEVEL - COVERAGE_TOLERANCE, LEVEL + COVERAGE_TOLERANCE, color=PRIOR, alpha=0.15, linewidth=0)

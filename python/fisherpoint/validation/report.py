@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from ..show.numbers import computed, counted, with_error
+from ..show.numbers import computed, counted, number, with_error
 from ..show.section import Report, Section
 from .design_validation import DesignValidation
 from .figures import FEWEST
@@ -109,6 +109,8 @@ def _all_advice(validation: ValidatedDesigns, design: DesignValidation, verdicts
     if validation.truth is not None:
         yield "the data are another model's, and more points do not remove the error of a model: see the bias"
         return
+    if validation.spread:
+        yield f"values of {', '.join(validation.spread)} spread otherwise than the problem says: state that, or none (None)"
     lost = design.failed - design.without_data - design.wrong_minima
     if design.without_data > COVERAGE_TOLERANCE * validation.runs:
         yield f"{design.without_data} of the plants cannot run the whole design: points further inside, or shorter ones"
@@ -148,6 +150,10 @@ def done(validation: ValidatedDesigns) -> str:
     if validation.problem.initial_state_std:
         kinds = sorted({design.points.kind for design in validation.designs.values()})
         parts.append(f"starts off by an error of each {' and '.join(kinds)}")
+    for name, one in validation.problem.local_parameters.items():
+        std = validation.spread.get(name, one.std)
+        own = f"a spread of {number(std)}" if std is not None else "values from the prior" if theta == "prior" else "the same value"
+        parts.append(f"{name} of each {one.by}, with {own}")
     if validation.redrawn:
         parts.append(f"{validation.redrawn} draws from the prior left out, which make no sense to the model")
     return "; ".join(parts)
@@ -168,12 +174,12 @@ def _section(name: str, design: DesignValidation, verdicts: Mapping[str, Paramet
         *("coverage", "low", "high"),
     )
     rows = []
-    for parameter, of in design.parameters.items():
+    for parameter, of in design.figures.items():
         prior = of.prior_std
         stated = (computed(value / prior) for value in (of.promised, of.claimed.value))
         figures = (of.achieved.over(prior), of.ratio, of.typical_ratio, of.bias.over(prior), of.rmse)
         shares = (with_error(100 * one.value, 100 * one.error, " %") for one in (of.coverage, of.too_low, of.too_high))
-        outcome = verdicts[parameter].outcome if parameter in verdicts else "-"
+        outcome = "local" if parameter in design.local else verdicts[parameter].outcome if parameter in verdicts else "-"
         rows.append((parameter, outcome, *stated, *(with_error(one.value, one.error) for one in figures), *shares))
     marked = [place for place, parameter in enumerate(design.parameters) if _is_broken(verdicts.get(parameter))]
     notes += [
@@ -181,6 +187,7 @@ def _section(name: str, design: DesignValidation, verdicts: Mapping[str, Paramet
         for parameter, of in design.parameters.items()
         if of.without_interval > design.failed
     ]
+    notes += [f"{name}: all {counted(count, 'value')} together" for name, count in design.values.items() if count > 1]
     notes += [f"{of.at_bound} fits have {parameter} at a bound" for parameter, of in design.parameters.items() if of.at_bound]
     return Section(title, columns, rows, marked, [*notes, *(f"to do: {one}" for one in advice)])
 

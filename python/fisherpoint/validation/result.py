@@ -44,15 +44,15 @@ class Validation(ValidatedDesigns, Shown, Kept):
 
         rows, verdicts = [], self.verdicts
         for name, design in self.designs.items():
-            for parameter, of in design.parameters.items():
+            for parameter, of in design.figures.items():
                 row: dict[str, Any] = {"design": name, "parameter": parameter, "prior_std": of.prior_std, "promised": of.promised}
                 for label in ("achieved", "ratio", "typical", "typical_ratio", "bias", "rmse", "claimed", *SHARES):
                     figure: Figure = getattr(of, label)
                     row |= {label: figure.value, f"{label}_mc": figure.error}
                 counts = {"without_interval": of.without_interval, "at_bound": of.at_bound, "fits": design.fits}
                 failed = {"failed": design.failed, "wrong_minima": design.wrong_minima}
-                verdict = verdicts[name].get(parameter)
-                rows.append(row | counts | failed | {"verdict": "not determined" if verdict is None else verdict.outcome})
+                verdict, other = verdicts[name].get(parameter), "local" if parameter in design.local else "not determined"
+                rows.append(row | counts | failed | {"verdict": other if verdict is None else verdict.outcome})
         return pd.DataFrame(rows).set_index(["design", "parameter"])
 
     def plot(self, *, path: str | Path | None = None) -> matplotlib.figure.Figure:

@@ -157,8 +157,9 @@ class Searches:
         residuals, unknowns = replace(self.residuals, y=self.residuals.y[rows]), self.residuals.unknowns
         n_y = residuals.y.shape[-1]
         if self.noise_known:
-            accuracy = residuals.accuracy
-            minima = minimise(residuals, z0, unknowns.lower, unknowns.upper, evaluations, accuracy=accuracy, tolerance=tolerance)
+            bounds, layout = (unknowns.lower, unknowns.upper), residuals.layout
+            given: dict[str, Any] = {"accuracy": residuals.accuracy, "tolerance": tolerance, "layout": layout}
+            minima = minimise(residuals.stored, z0, *bounds, evaluations, **given)
             cost, noise = minima.cost, np.zeros((len(rows), n_y, n_y))
         else:
             full = correlations_can_be_estimated(residuals.measured, len(unknowns))

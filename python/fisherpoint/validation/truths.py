@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..basics.checks import as_float, by_name
 from ..basics.messages import shown
 from ..basics.quantity import names_of
-from ..basics.values import Array, IntArray
+from ..basics.values import Array, FrozenMapping, IntArray
 from ..data.record_trajectory import first_failure
+from ..estimation.local_unknowns import LocalUnknowns
 from ..information.assumed import Assumed, assumed_of
 from ..information.draws import drawn_from_prior
 from ..information.problem import DesignProblem
@@ -29,6 +30,32 @@ TRUTH_RTOL = 1e-10
 """Tolerance of the true trajectories."""
 
 
+class LocalScatter(NamedTuple):
+    """How the values of a local parameter scatter about that of the plant: by a standard deviation, or that of the logarithm."""
+
+    std: float
+    log: bool = False
+
+    def about(self, mean: Array, z: Array) -> Array:
+        """Values (B, n) about means (B, 1), from standard normal numbers (B, n)."""
+        return np.asarray(mean * np.exp(self.std * z - self.std**2 / 2) if self.log else mean + self.std * z)
+
+
+NO_SCATTER: Mapping[str, LocalScatter] = FrozenMapping({})
+
+
+def local_scatter(problem: DesignProblem, spread: Mapping[str, float], over_prior: bool) -> Mapping[str, LocalScatter]:
+    """How local parameters scatter in the data: as `spread` says, else the problem, else the prior where truths are drawn."""
+    prior = problem.prior
+
+    def one(name: str, known: float | None) -> LocalScatter:
+        if known is not None or not over_prior:
+            return LocalScatter(known or 0.0)
+        return LocalScatter(float(prior.normal_std[prior.names.index(name)]), name in prior.log)
+
+    return {name: one(name, spread.get(name, of.std)) for name, of in problem.local_parameters.items()}
+
+
 @dataclass(frozen=True, eq=False)
 class Rig:
     """A virtual rig for many true parameters at once.
@@ -41,23 +68,42 @@ class Rig:
         What deviates from one virtual experiment to the next (constants), and from point to point or run to run; None where nothing
         does.
     sensors : Sensors
+    local : mapping of name to LocalScatter
+        How the values of local parameters scatter.
     """
 
     model: Model
     assumed: Assumed | None
     sensors: Sensors
+    local: Mapping[str, LocalScatter] = NO_SCATTER
 
     @classmethod
-    def of(cls, problem: DesignProblem, truth: Model | None, noise: NoiseOf) -> Rig:
+    def of(cls, problem: DesignProblem, truth: Model | None, noise: NoiseOf, local: Mapping[str, LocalScatter] = NO_SCATTER) -> Rig:
         """The rig that the problem describes; a `truth` has exactly its own constants."""
         model, uncertain, varies = (problem.model, problem.uncertain, problem.varies) if truth is None else (truth, None, None)
         starts, assumed = problem.initial_state_std, None
         if uncertain or varies or starts:
             assumed = assumed_of(model, uncertain, varies, starts, problem.shared_starts)
-        return cls(model, assumed, Sensors.of(noise, names_of(model.outputs)))
+        return cls(model, assumed, Sensors.of(noise, names_of(model.outputs)), local)
+
+    def local_values(self, theta: Array, local: LocalUnknowns, rng: Streams) -> Array:
+        """The values (B, n) of local parameters in each group, about those of true parameters (B, p)."""
+        z = rng.local.standard_normal((len(theta), len(local.each)))
+        values, names = np.empty(z.shape), names_of(self.model.parameters)
+        for name in local.local:
+            places = local.of_parameter(name)
+            values[:, places] = self.local[name].about(theta[:, [names.index(name)]], z[:, places])
+        return values
+
+    def of_runs(self, theta: Array, local: LocalUnknowns, values: Array) -> Array:
+        """Parameters (B, K, p) of each point or run, with these values (B, n) of local parameters."""
+        places, names = local.trajectories[0], names_of(self.model.parameters)
+        found = np.repeat(theta[:, None], len(places), axis=1)
+        found[:, :, [names.index(name) for name in local.local]] = values[:, places]
+        return found
 
     def measure(self, points: Points, theta: Array, rng: Streams, threads: int) -> tuple[Array, IntArray, Array]:
-        """Results of virtual experiments with true parameters (B, p).
+        """Results of virtual experiments with true parameters (B, p), or (B, K, p) of each point or run.
 
         Returns
         -------
@@ -71,7 +117,8 @@ class Rig:
         runs = as_runs(points)
         count, n_runs, n_samples = len(theta), len(runs), int(runs.measured.sum())
         white, memory, common, anew = self.deviations(points, count, rng)
-        model, true = self.model, np.repeat(theta, n_runs, axis=0)
+        model = self.model
+        true = np.repeat(theta, n_runs, axis=0) if theta.ndim == 2 else theta.reshape(-1, theta.shape[-1])
         if self.assumed is not None:
             assumed, model = self.assumed, self.assumed.model
             true = assumed.theta(true)
@@ -114,17 +161,18 @@ class Streams:
     noise: np.random.Generator
     constants: np.random.Generator
     anew: np.random.Generator
+    local: np.random.Generator
     memories: tuple[np.random.Generator, ...]
 
     @classmethod
     def of(cls, seed: int, outputs: int) -> Streams:
         """Those of so many outputs; each output has its own stream for noise with a memory."""
         noise, constants, anew, *memories = (np.random.default_rng([seed, stream]) for stream in range(1, 4 + outputs))
-        return cls(noise, constants, anew, tuple(memories))
+        return cls(noise, constants, anew, np.random.default_rng([seed, 0, 1]), tuple(memories))
 
     @property
     def _all(self) -> tuple[np.random.Generator, ...]:
-        return self.noise, self.constants, self.anew, *self.memories
+        return self.noise, self.constants, self.anew, self.local, *self.memories
 
     @property
     def position(self) -> tuple[Mapping[str, Any], ...]:
@@ -134,7 +182,7 @@ class Streams:
     @classmethod
     def at(cls, position: Sequence[Mapping[str, Any]]) -> Streams:
         """Random numbers that go on from a position."""
-        streams = cls.of(0, len(position) - 3)
+        streams = cls.of(0, len(position) - 4)
         for one, state in zip(streams._all, position, strict=True):
             one.bit_generator.state = state
         return streams

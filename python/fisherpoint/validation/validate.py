@@ -11,7 +11,9 @@ from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..design.compare.compare import named_designs
+from ..design.fleet.fleet_design import FleetDesign, labelled
 from ..engine.workers import Distributor, Workers, distributed_over
+from ..information.local import Local, checked_local
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..noise.models import NoiseOf, checked_noise
@@ -24,7 +26,7 @@ from .design_validation import DesignValidation
 from .fits import RTOL, Estimator, VirtualExperiments, VirtualFits, together
 from .parts import PartWork, sizes_here, sizes_to_send
 from .result import Validation
-from .truths import Rig, truths_of
+from .truths import Rig, local_scatter, truths_of
 
 MOST_RUNS = 10**6
 """Virtual experiments with each design, past which they count as a slip."""
@@ -38,7 +40,7 @@ def validate(
     runs: int = 1000,
     theta: str | Mapping[str, float] = "prior",
     seed: int = 0,
-    truth: Model | None = None,
+    truth: Model | Mapping[str, str | Local] | None = None,
     noise_known: bool = True,
     use_prior: bool = False,
     threads: int | None = None,
@@ -55,9 +57,13 @@ def validate(
     ----------
     problem : DesignProblem
         With `uncertain`, the constants deviate, once in every virtual experiment, and with `initial_state_std` the start of every
-        point, or run; the fits take the covariance that this adds to the outputs at the prior mean.
+        point, or run; the fits take the covariance that this adds to the outputs at the prior mean. With `local`, each run, or
+        plant, has values of its own, which the fits estimate beside what all share; a spread that is to be estimated counts as
+        none, as in designs. Values scatter by their spread about the mean. Where none is known, each is drawn from the prior, as if
+        that was the spread; or all are at the mean where `theta` is not drawn.
     designs : Experiments, Runs or a design, or a sequence, or a mapping of name to these
         They share the true parameters and the random numbers. Without names they are called "design", or "design 1" and so on.
+        A design is of one plant and one day, unless it is a `FleetDesign`, or `Measurements` with labels.
     noise : mapping of output name to float or Noise, or NoiseModel, optional
         The sensor noise, SI units: a number is the standard deviation of white noise. Outputs that are left out are not measured.
         Default: the problem's.
@@ -69,10 +75,11 @@ def validate(
         Draws for which the model has no meaning, such as a negative mass, are left out and counted.
     seed : int
         The same seed gives the same figures on any number of threads and workers.
-    truth : Model, optional
-        Makes the data instead of the problem's model, with its own constants: a model error.
+    truth : Model, or mapping of local parameter name to Local, optional
+        Makes the data instead of the problem's model, with its own constants: a model error. Or says how far the values of local
+        parameters spread in the data, where that is otherwise than the fits reckon with: ``{"m_load": fp.Local("run", spread=2)}``.
     noise_known : bool
-        Whether the fits know the noise, or estimate it from their residuals as `estimate` does.
+        Whether the fits know the noise, or estimate it from their residuals as `estimate` does without `noise`.
     use_prior : bool
         Whether the prior takes part in the fits (maximum a posteriori), and in the promise.
     threads : int, optional
@@ -96,13 +103,15 @@ def validate(
         as one that promises nothing.
     """
     check_type(problem, DesignProblem, "problem")
-    named = named_designs(designs)
+    named, labels = _with_labels(designs, problem.model)
     threads = check_threads(threads)
     count, seed = check_positive_int(runs, "runs", most=MOST_RUNS), check_positive_int(seed, "seed", 0)
     noise_known = check_flag(noise_known, "noise_known")
     use_prior = check_flag(use_prior, "use_prior")
-    if problem.local_parameters:
-        raise ValueError(f"local: expected no local parameters in a validation, given {', '.join(problem.local_parameters)}")
+    local = problem.local_parameters
+    truth, spreads = (None, _true_spreads(truth, local)) if isinstance(truth, Mapping) else (truth, FrozenMapping({}))
+    if not noise_known and (known := [name for name, one in local.items() if one.std is not None]):
+        raise ValueError(f"noise_known: expected True beside the spread of local parameters, {', '.join(known)}; given False")
     if not noise_known and problem.assumed is not None and problem.assumed.columns:
         raise ValueError("noise_known: expected True beside varies or initial_state_std, given False")
     if truth is not None:
@@ -113,14 +122,14 @@ def validate(
     check_progress(progress)
     begin = perf_counter()
     thetas, redrawn = truths_of(problem, theta, count, seed)
-    rig = Rig.of(problem, truth, of_sensors)
+    rig = Rig.of(problem, truth, of_sensors, local_scatter(problem, spreads, theta == "prior"))
     without: dict[str, NoTrajectory] = {}
     estimators = {}
     with distributed_over(workers, threads) as distributor:
         for name, points in named.items():
             try:
                 estimators[name] = _estimator(
-                    name, problem, points, of_sensors, noise_known, use_prior, distributor.threads, theta == "prior"
+                    name, problem, points, of_sensors, noise_known, use_prior, distributor.threads, theta == "prior", labels[name]
                 )
             except NoTrajectory as error:
                 without[name] = error
@@ -131,7 +140,7 @@ def validate(
             {
                 name: VirtualExperiments(estimator, rig, named[name], distributor.threads)
                 for name, estimator in estimators.items()
-                if estimator.promise.determined.any()
+                if estimator.promises
             }
         )
         with following(progress, "virtual experiments") as report:
@@ -140,12 +149,14 @@ def validate(
     validations = {}
     for name, points in named.items():
         if name in without:
-            prior_std = {parameter: problem.prior.std[parameter] for parameter in problem.estimated}
-            validations[name] = DesignValidation.none(points, prior_std, str(without[name]))
+            why = str(without[name])
+            validations[name] = DesignValidation.none(points, problem.estimated, local, problem.prior.std, why)
             continue
         estimator = estimators[name]
         promised = dict(zip(estimator.parameters, estimator.promised_errors.tolist(), strict=True))
-        validations[name] = DesignValidation.of(points, promised, problem.prior.std, estimator.null_directions, fits.get(name))
+        validations[name] = DesignValidation.of(
+            points, promised, problem.prior.std, estimator.null_directions, fits.get(name), estimator.local_errors
+        )
     described = theta if isinstance(theta, str) else FrozenMapping({key: float(value) for key, value in theta.items()})
     return Validation(
         problem,
@@ -160,7 +171,23 @@ def validate(
         use_prior,
         perf_counter() - begin,
         count,
+        spreads,
     )
+
+
+def _with_labels(given: Any, model: Model) -> tuple[dict[str, Points], dict[str, Mapping[str, tuple[str, ...]]]]:
+    """Designs by name, and the labels of their points or runs: of a fleet, and of measurements."""
+
+    def one(design: Any) -> Any:
+        return labelled(design.points, design.label, len(model.outputs)) if isinstance(design, FleetDesign) else design
+
+    if isinstance(given, Mapping):
+        several: Any = {name: one(design) for name, design in given.items()}
+    else:
+        several = [one(design) for design in given] if isinstance(given, list | tuple) else one(given)
+    named = named_designs(several)
+    each = several.values() if isinstance(several, Mapping) else several if isinstance(several, list) else [several]
+    return named, {name: getattr(design, "labels", {}) for name, design in zip(named, each, strict=True)}
 
 
 def _estimator(
@@ -172,9 +199,10 @@ def _estimator(
     use_prior: bool,
     threads: int,
     over_prior: bool,
+    labels: Mapping[str, tuple[str, ...]],
 ) -> Estimator:
     try:
-        return Estimator.of(problem, points, noise, noise_known, use_prior, RTOL, threads, over_prior)
+        return Estimator.of(problem, points, noise, noise_known, use_prior, RTOL, threads, over_prior, labels)
     except NoTrajectory:
         raise
     except ValueError as error:
@@ -210,6 +238,16 @@ def _fits(
         if not done:
             raise
     return {name: together([fits[name] for fits in done]) for name in work.experiments}
+
+
+def _true_spreads(given: Mapping[str, str | Local], local: Mapping[str, Local]) -> FrozenMapping[float]:
+    """Standard deviations by which local parameters scatter in the data."""
+    found = {}
+    for name, one in checked_local(given, local).items():
+        if one.by != local[name].by or one.std is None:
+            raise ValueError(f"truth[{name!r}]: expected a spread between values of each {local[name].by}, given {one.words}")
+        found[name] = one.std
+    return FrozenMapping(found)
 
 
 def _check_truth(truth: Model, model: Model) -> None:

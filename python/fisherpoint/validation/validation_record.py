@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from ..basics.field_checks import Extents
 from ..basics.result_files import Codec
+from ..basics.values import FrozenMapping
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
@@ -39,6 +40,8 @@ class ValidatedDesigns:
     seconds : float
     requested : int
         Requested number of virtual experiments: more than `runs` where Ctrl-C came first.
+    spread : mapping of name to float
+        Of local parameters whose values scattered by another standard deviation than the problem has.
     """
 
     problem: DesignProblem
@@ -53,11 +56,14 @@ class ValidatedDesigns:
     use_prior: bool
     seconds: float
     requested: int = 0
+    spread: Mapping[str, float] = FrozenMapping({})
 
     _CODEC: ClassVar[Codec] = {Model: (model_to_json, model_from_json)}
     _EXTENTS: ClassVar[Extents] = {
         "designs": ("+",),
         "designs.parameters": ("problem.estimated",),
+        "designs.local": ("problem.local_parameters",),
+        "spread": ("any problem.local_parameters",),
     }
 
     @property

@@ -20,7 +20,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from ...basics.checks import as_path
 from ...basics.options import keys_of, options_of
 from ...basics.quantity import names_of
-from ...basics.toml_mistakes import MOST_LINES, ConfigError, describe, fail_of, misplaced_key
+from ...basics.toml_mistakes import MOST_LINES, ConfigError, describe, fail_of, misplaced_key, toml
 from ...basics.toml_reader import read_toml
 from ...information.local import RECORD, RUN
 from ...information.problem import DesignProblem
@@ -31,9 +31,10 @@ from ...points.region import ExperimentRegion
 from ...points.run_region import RunRegion
 from ...prior.gaussian import GaussianPrior
 from ...prior.rules import Rule
+from ..fleet.fleet_settings import plant_names
 from ..goal.goal import Goal
 from ..results.cost import Cost
-from ..results.settings import ExchangeMethod, RunSettings
+from ..results.settings import ExchangeMethod, ExchangeSettings, RunSettings
 from .configuration_checks import mistakes_between, pair_of, valid_tables
 from .configuration_tables import (
     OF_RUNS,
@@ -42,6 +43,7 @@ from .configuration_tables import (
     Correlation,
     CostTable,
     DesignTable,
+    FleetTable,
     GoalTable,
     LocalEntry,
     NoiseEntry,
@@ -79,6 +81,7 @@ class Config(ModelFile):
     design: DesignTable = DesignTable()
     cost: CostTable | None = None
     campaign: CampaignTable = CampaignTable()
+    fleet: FleetTable | None = None
     data: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -209,6 +212,24 @@ class Config(ModelFile):
         given = {} if self.runs is None else self.runs.model_dump(include=set(OF_RUNS), exclude_none=True)
         return given | self.design.model_dump(include=_SHARED, exclude_none=True) | {"goal": self.build_goal()}
 
+    def fleet_settings(self) -> dict[str, Any]:
+        """Keyword arguments for :func:`fisherpoint.design_fleet`; what the file leaves out is left to its defaults."""
+        if self.fleet is None:
+            raise self.error("fleet", "missing; expected a table with plants")
+        of_runs = self.runs is not None
+        given = self.design.model_dump(include=set(OF_SEARCH), exclude_none=True)
+        of_region = {} if self.runs is None else self.runs.model_dump(include=set(OF_RUNS), exclude_none=True)
+        size = "n_runs" if of_runs else "n_experiments"
+        known = {size, "seed", "n_candidates", *(() if of_runs else ("max_iterations",))}
+        for table, keys in (("design", given), ("runs", of_region)):
+            for name in (name for name in keys if name not in known):
+                raise self.error(f"{table}.{name}", f"expected none beside [fleet], given {toml(keys[name])}")
+        with self._names_key("fleet"):
+            plant_names(self.fleet.plants)
+        default = RunSettings.n_runs if of_runs else ExchangeSettings.n_experiments
+        found = {"size": default} | {"size" if name == size else name: value for name, value in {**given, **of_region}.items()}
+        return self.fleet.model_dump(exclude_none=True) | found | {"goal": self.build_goal()}
+
     def build_cost(self) -> Cost | None:
         """What experiments cost, where the file says it."""
         if self.cost is None:
@@ -319,4 +340,5 @@ _TABLES: dict[str, type[BaseModel]] = {
     "design": DesignTable,
     "cost": CostTable,
     "campaign": CampaignTable,
+    "fleet": FleetTable,
 }

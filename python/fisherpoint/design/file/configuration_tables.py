@@ -27,6 +27,7 @@ from ...points.rest import Rest
 from ...points.settings import COARSEST, FINEST
 from ...prior.gaussian import MOST_RELATIVE_STD
 from ...prior.rules import DEFAULT_RULE, RULES, Rule
+from ..fleet.fleet_settings import FleetSettings
 from ..goal.goal import Goal
 from ..results.cost import Cost
 from ..results.settings import MOST, ExchangeMethod, ExchangeSettings, RunSettings
@@ -352,9 +353,15 @@ class ProblemKeys(Table):
     along: list[str] | None = None
 
 
-OF_GOAL, OF_SEARCH = keys_of(Goal), keys_of(ExchangeSettings, ExchangeMethod)
+class FleetKeys(Table):
+    """Several plants that share some parameters: how many, or what they are called."""
+
+    plants: Count | Annotated[list[str], Field(min_length=1)]
+
+
+OF_GOAL, OF_SEARCH, OF_FLEET = keys_of(Goal), keys_of(ExchangeSettings, ExchangeMethod), keys_of(FleetSettings)
 OF_RUNS = {name: key for name, key in keys_of(RunSettings).items() if name not in OF_SEARCH}
-"""The keys of options in the tables [goal], [design] and [runs]."""
+"""The keys of options in the tables [goal], [design], [fleet] and [runs]."""
 
 
 def _with_keys(name: str, base: type[Table], given: Mapping[str, Key]) -> type[Table]:
@@ -380,10 +387,12 @@ if TYPE_CHECKING:  # what is known of them before the program runs
     GoalTable: TypeAlias = Table
     DesignTable: TypeAlias = ProblemKeys
     RunsTable: TypeAlias = RunKeys
+    FleetTable: TypeAlias = FleetKeys
 else:  # what is left out takes the library's default
     GoalTable = _with_keys("GoalTable", Table, OF_GOAL)
     DesignTable = _with_keys("DesignTable", ProblemKeys, OF_SEARCH)
     RunsTable = _with_keys("RunsTable", RunKeys, OF_RUNS)
+    FleetTable = _with_keys("FleetTable", FleetKeys, OF_FLEET)
 
 
 class CostTable(Table):

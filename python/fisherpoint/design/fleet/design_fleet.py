@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ...basics.checks import as_sequence, check_flag, check_name, check_positive_int, check_type
-from ...basics.messages import listed
+from ...basics.checks import check_type
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import FrozenMapping
 from ...data.measurements import Measurements
 from ...information.candidates import CandidateSource
 from ...information.evaluation import Evaluation
-from ...information.local import RECORD, RUN
 from ...information.problem import DesignProblem
 from ...points.runs import Points
 from ...show.progress import Progress, check_progress, following
@@ -26,9 +24,10 @@ from ..goal.goal_criterion import criterion
 from ..points.exchange import exchange
 from ..results.found_design import FoundDesign
 from ..results.found_runs import FoundRuns
-from ..results.settings import MOST, ExchangeMethod
+from ..results.settings import ExchangeMethod
 from ..runs.design_runs import design_runs
-from .fleet_design import FleetDesign, evaluated, labelled
+from .fleet_design import FleetDesign, evaluated, label_of, labelled
+from .fleet_settings import FleetSettings, plant_names
 
 
 @with_options
@@ -42,6 +41,7 @@ def design_fleet(
     starts: int = 2,
     rounds: int = 3,
     max_iterations: int = 5,
+    n_candidates: int | None = None,
     seed: int = 0,
     threads: int | None = None,
     progress: bool | Callable[[Progress], None] | None = None,
@@ -70,6 +70,8 @@ def design_fleet(
         How often each plant is designed.
     max_iterations : int
         Of each search of a plant's points, as in `exchange`.
+    n_candidates : int, optional
+        As in `exchange`, or `design_runs`. Default: that of these.
     seed : int
     threads : int, optional
     progress : bool or callable, optional
@@ -87,22 +89,30 @@ def design_fleet(
     """
     check_type(problem, DesignProblem, "problem")
     check_progress(progress)
-    label, goal, alike, names = _label_of(problem), goal_of(goal), check_flag(alike, "alike"), _plants(plants)
-    size = check_positive_int(size, "size", most=1000)
-    starts, rounds = check_positive_int(starts, "starts", most=MOST["starts"]), check_positive_int(rounds, "rounds", most=10**4)
-    max_iterations, seed = check_positive_int(max_iterations, "max_iterations"), check_positive_int(seed, "seed", 0)
-    objective, started = criterion(problem, goal), perf_counter()
+    label, names = label_of(problem), plant_names(plants)
+    settings = FleetSettings(
+        size=size,
+        goal=goal_of(goal),
+        alike=alike,
+        starts=starts,
+        rounds=rounds,
+        max_iterations=max_iterations,
+        n_candidates=n_candidates,
+        seed=seed,
+    )
+    alike, seed = settings.alike, settings.seed
+    objective, started, stop_reason = criterion(problem, settings.goal), perf_counter(), StopReason.completed
     best: tuple[float, dict[str, Points]] | None = None
-    steps = [(start, name) for start in range(starts) for name in (names[:1] if alike else names * rounds)]
+    steps = [(start, name) for start in range(settings.starts) for name in (names[:1] if alike else names * settings.rounds)]
     points, value = dict[str, Points](), -np.inf
     with following(progress, "designing plants") as report:
         for step, (start, name) in enumerate(steps):
             first = step == 0 or steps[step - 1][0] != start
             if first:
-                points, value = _drawn(problem, names, size, seed + step, threads), -np.inf
+                points, value = _drawn(problem, names, settings.size, seed + step, threads), -np.inf
             others = {} if alike else {other: one for other, one in points.items() if other != name}
             previous = labelled(others, label, len(problem.model.outputs)) if others else None
-            found = _designed(problem, size, goal, previous, None if alike else max_iterations, seed + step, threads)
+            found = _designed(problem, settings, previous, seed + step, threads)
             trial = dict.fromkeys(names, found.points) if alike else {**points, name: found.points}
             after = _value(objective, evaluated(problem, label, trial, threads))
             if first or after > value:
@@ -113,9 +123,11 @@ def design_fleet(
                 shown = best[0] if np.isfinite(best[0]) else None
                 report(Progress(step + 1, len(steps), shown, f"{label} {name}", perf_counter() - started))
             if found.stop_reason == StopReason.interrupted:
+                stop_reason = StopReason.interrupted
                 break
     points = points if best is None else best[1]
-    return FleetDesign(problem, label, FrozenMapping(points), evaluated(problem, label, points, threads))
+    evaluation = evaluated(problem, label, points, threads)
+    return FleetDesign(problem, label, FrozenMapping(points), evaluation, settings, stop_reason)
 
 
 def _drawn(problem: DesignProblem, names: Sequence[str], size: int, seed: int, threads: int | None) -> dict[str, Points]:
@@ -127,39 +139,16 @@ def _drawn(problem: DesignProblem, names: Sequence[str], size: int, seed: int, t
     return {name: source.draw_confirmed(size).points for name in names}
 
 
-def _label_of(problem: DesignProblem) -> str:
-    """The word by which parameters are local to plants."""
-    labels = dict.fromkeys(one.by for one in problem.local_parameters.values() if one.by not in (RUN, RECORD))
-    if len(labels) != 1:
-        given = listed(labels, "none")
-        raise ValueError(f'local: expected parameters that are local to a plant, as {{"k": "plant"}}, given labels {given}')
-    return next(iter(labels))
-
-
-def _plants(plants: int | Sequence[str]) -> list[str]:
-    if isinstance(plants, int):
-        return [str(k + 1) for k in range(check_positive_int(plants, "plants", most=1000))]
-    names = [check_name(one, "plants") for one in as_sequence(plants, "plants", "labels as text")]
-    if not names or len(set(names)) < len(names):
-        raise ValueError(f"plants: expected at least one label, and each once; given {listed(names, 'none')}")
-    check_positive_int(len(names), "plants", most=1000)
-    return names
-
-
 def _designed(
-    problem: DesignProblem,
-    size: int,
-    goal: Goal,
-    previous: Measurements | None,
-    max_iterations: int | None,
-    seed: int,
-    threads: int | None,
+    problem: DesignProblem, settings: FleetSettings, previous: Measurements | None, seed: int, threads: int | None
 ) -> FoundDesign | FoundRuns:
+    given: dict[str, Any] = {"goal": settings.goal, "previous": previous, "seed": seed, "threads": threads}
+    if settings.n_candidates is not None:
+        given["n_candidates"] = settings.n_candidates
     if problem.region is not None and problem.region.kind == "run":
-        return design_runs(problem, size, goal=goal, previous=previous, n_starts=1, seed=seed, threads=threads)
-    method = ExchangeMethod(references=False)
-    given: dict[str, Any] = {"goal": goal, "method": method, "max_iterations": max_iterations}
-    return exchange(problem, size, previous=previous, seed=seed, threads=threads, **given)
+        return design_runs(problem, settings.size, n_starts=1, **given)
+    most = None if settings.alike else settings.max_iterations
+    return exchange(problem, settings.size, method=ExchangeMethod(references=False), max_iterations=most, **given)
 
 
 def _value(objective: Criterion, evaluation: Evaluation) -> float:
