@@ -68,10 +68,9 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             " nothing else has the name; conditions are joined by `and`, `or`, `not`, or by `&`, `|`, `~` with brackets."
             " `delay(u, tau)` is an input with a [dead time](../how_to/dead_time.md).",
             "domain": "Expressions that have to stay positive.",
-            "updates": 'By times, such as `"every 5 ms"` or `"each segment"`: the states that get new values then, with their'
-            ' equations, as `{ d = "d + dose" }`. [When they come](../how_to/updates.md).',
             "resets": 'By condition, such as `"x < 0"`: the states that get new values where it becomes true, with their equations,'
-            ' as `{ v = "-e*v" }`. [What they do](../how_to/models.md#memory-relays-stops-modes).',
+            ' as `{ v = "-e*v" }`. [What they do](../how_to/models.md#memory-relays-stops-modes). Or by times, such as'
+            ' `"every 5 ms"` or `"each segment"`. [When they come](../how_to/updates.md).',
             "check_units": "Whether a warning names places of the equations where"
             " [units do not fit](../how_to/models.md#units-that-do-not-fit).",
         },

@@ -49,7 +49,7 @@ def compare(run: Run, rng: np.random.Generator) -> None:
         return
     bench.figures.count("runs with updates")
     updated = benched(bench, case, case)
-    updated.model = fp.SymbolicModel(**case.arguments(), updates={when: {case.states[0]: text}}, check_units=False)
+    updated.model = fp.SymbolicModel(**case.arguments(), resets={when: {case.states[0]: text}}, check_units=False)
     one = Run(updated, runs, run.theta)
     given, tight = one.simulate(RTOL), one.simulate(TIGHT)
     expected = by_hand(run, updated.model.updates[0], text)

@@ -296,7 +296,7 @@ def test_mistakes_are_named() -> None:
     ):
         with pytest.raises(ValueError, match=text.replace("(", r"\(")):
             ball(resets=resets)
-    with pytest.raises(TypeError, match="resets: expected a condition with the states that it sets"):
+    with pytest.raises(TypeError, match="resets: expected a condition or times with the states that it sets"):
         ball(resets={"x < 0": "v"})
     with pytest.raises(ValueError, match=r"outputs.T: expected no latch\(\)|expected no latch"):
         fp.SymbolicModel(["-k*T"], ["T*latch(T > 1, T < 0)"], {"T": "K"}, {}, {"k": "1/s"}, {"y": "K"})

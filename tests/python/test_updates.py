@@ -30,7 +30,7 @@ def doses(**options: Any) -> fp.SymbolicModel:
         {"y": "mg/L"},
         nominal={"ka": 1.0, "ke": 0.3, "V": 5.0},
         name="doses",
-        **({"updates": {"each segment": {"d": "d + dose"}}} | options),
+        **({"resets": {"each segment": {"d": "d + dose"}}} | options),
     )
 
 
@@ -47,7 +47,7 @@ def drive() -> fp.SymbolicModel:
         {"r": "rad/s"},
         {"J1": "kg m2", "J2": "kg m2", "kc": "N m/rad", "b": "N m s/rad", "kp": "N m s/rad"},
         {"q1": "rad", "w2": "rad/s", "u": "N m"},
-        updates={
+        resets={
             "every 5 ms": {"z": f"z + {PERIOD * INTEGRAL}*(r - w1)", "tau": f"min(max(kp*(r - w1) + z, -{MOST}), {MOST})"},
         },
         check_units=False,
@@ -135,7 +135,7 @@ def test_samples_between_the_instants_of_a_controller() -> None:
 
 def test_a_model_in_discrete_time_is_one_without_a_flow() -> None:
     model = fp.SymbolicModel(
-        ["0"], ["x"], {"x": "1"}, {"u": "1"}, {"a": "1", "b": "1"}, {"x": "1"}, updates={"every 1 s": {"x": "a*x + b*u"}}
+        ["0"], ["x"], {"x": "1"}, {"u": "1"}, {"a": "1", "b": "1"}, {"x": "1"}, resets={"every 1 s": {"x": "a*x + b*u"}}
     )
     u, (a, b) = np.array([1.0, -1.0, 0.5, 0.0, 2.0]), (0.7, 0.3)
     done = fp.sensitivities(model, fp.Runs([[2.0]], u[None, :, None], 1.0), [a, b])
@@ -162,7 +162,7 @@ def test_a_model_in_discrete_time_is_one_without_a_flow() -> None:
 )
 def test_times_of_updates(when: str, times: list[float]) -> None:
     """x counts; a sample in the instant of an update is taken before it."""
-    model = fp.SymbolicModel(["0*k"], ["x + 0*k"], {"x": "1"}, {}, {"k": "1"}, {"y": "1"}, updates={when: {"x": "x + 1"}})
+    model = fp.SymbolicModel(["0*k"], ["x + 0*k"], {"x": "1"}, {}, {"k": "1"}, {"y": "1"}, resets={when: {"x": "x + 1"}})
     runs = fp.Runs([[0.0]], np.empty((1, 14, 0)), 0.1)
     ends = 0.1 * np.arange(1, 15)
     expected = [sum(t < end - 1e-9 for t in times) for end in ends]
@@ -180,7 +180,7 @@ def test_all_updates_of_an_instant_read_the_states_before() -> None:
         {},
         {"k": "1"},
         {"a": "1", "b": "1"},
-        updates={"every 1 s": {"x": "z"}, "every 2 s": {"z": "x"}},
+        resets={"every 1 s": {"x": "z"}, "every 2 s": {"z": "x"}},
     )
     done = fp.simulate(model, fp.Runs([[1.0, 2.0]], np.empty((1, 3, 0)), 1.0), [1.0])
     np.testing.assert_array_equal(done.x[0], [[1, 2], [2, 1], [1, 1], [1, 1]])
@@ -194,8 +194,7 @@ def test_a_condition_that_an_update_makes_true_sets_states_anew() -> None:
         {"u": "1"},
         {"k": "1"},
         {"x": "1", "n": "1"},
-        resets={"x < 0": {"n": "n + 1", "x": "1.5"}},
-        updates={"each segment": {"x": "x - u"}},
+        resets={"x < 0": {"n": "n + 1", "x": "1.5"}, "each segment": {"x": "x - u"}},
     )
     runs = fp.Runs([[2.5, 0.0]], [[[0.0], [2.0], [0.0]]], 1.0)
     np.testing.assert_allclose(fp.simulate(model, runs, [1.0]).x[0, :, 1], [0, 0, 1, 2], atol=0)
@@ -229,7 +228,7 @@ def test_updates_go_along_with_a_dead_time() -> None:
         {"u": "1"},
         {"k": "1", "tau": "1"},
         {"x": "1"},
-        updates={"every 0.1 s": {"p": "2 - x"}},
+        resets={"every 0.1 s": {"p": "2 - x"}},
         check_units=False,
     )
     runs = fp.Runs([[0.0, 0.0]], [[[1.0], [-1.0], [2.0]]], 0.2)
@@ -267,7 +266,7 @@ def test_models_keep_their_updates() -> None:
     expected = fp.simulate(model, runs, theta).y
     for other in (pickle.loads(pickle.dumps(model)), model_from_toml(model.to_toml()), model.within("c < 100")):
         np.testing.assert_array_equal(fp.simulate(other, runs, theta).y, expected)
-    assert pickle.loads(pickle.dumps(model)) == model != doses(updates={"each segment": {"d": "d + 2*dose"}})
+    assert pickle.loads(pickle.dumps(model)) == model != doses(resets={"each segment": {"d": "d + 2*dose"}})
     np.testing.assert_allclose(fp.simulate(model.fix(V=5.0), runs, theta[:2]).y, expected, rtol=1e-14)
     freed = model.free_start("d")
     moved = fp.sensitivities(freed, runs, [*theta, 0.0], rtol=1e-10)
@@ -290,24 +289,24 @@ def test_doses_are_designed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("updates", "message"),
+    ("resets", "message"),
     [
-        ({"each segment": {"q": "1"}}, r"updates\.'each segment': expected names of states, d, c; given unknown 'q'"),
-        ({"each segment": {"d": "d + dos"}}, r"updates\.'each segment'\.d: .*given 'dos'"),
-        ({"every now": {"d": "0"}}, r"updates\.'every now': expected a time with its unit, as 5 ms, given 'now'"),
-        ({"every 5": {"d": "0"}}, r"updates\.'every 5': expected a time with its unit, as 5 ms, given '5'"),
-        ({"every 5 kg": {"d": "0"}}, r"updates\.'every 5 kg': expected a unit of time, given 'kg'"),
-        ({"every 0 s": {"d": "0"}}, r"updates\.'every 0 s': expected a period of more than 0 s, given 0"),
-        ({"sometimes": {"d": "0"}}, r"updates\.'sometimes': expected times such as \"every 5 ms\""),
-        ({"each segment": {}}, r"updates: expected times with the states that they set"),
-        ([("each segment", 3)], r"updates: expected times with the states that they set"),
-        ({5.0: {"d": "0"}}, r"updates\.5\.0: expected times such as"),
-        ({"each segment": {"d": "latch(c > 1, c < 0.5)"}}, r"updates\.'each segment'\.d: expected no latch"),
+        ({"each segment": {"q": "1"}}, r"resets\.'each segment': expected names of states, d, c; given unknown 'q'"),
+        ({"each segment": {"d": "d + dos"}}, r"resets\.'each segment'\.d: .*given 'dos'"),
+        ({"every now": {"d": "0"}}, r"resets\.'every now': expected a time with its unit, as 5 ms, given 'now'"),
+        ({"every 5": {"d": "0"}}, r"resets\.'every 5': expected a time with its unit, as 5 ms, given '5'"),
+        ({"every 5 kg": {"d": "0"}}, r"resets\.'every 5 kg': expected a unit of time, given 'kg'"),
+        ({"every 0 s": {"d": "0"}}, r"resets\.'every 0 s': expected a period of more than 0 s, given 0"),
+        ({"at noon": {"d": "0"}}, r"resets\.'at noon': expected a time with its unit, as 5 ms, given 'noon'"),
+        ({"each segment": {}}, r"resets: expected a condition or times with the states that it sets"),
+        ([("each segment", 3)], r"resets: expected a condition or times with the states that it sets"),
+        ({5.0: {"d": "0"}}, r"resets\.5\.0: expected a condition such as x < 0, given 5\.0"),
+        ({"each segment": {"d": "latch(c > 1, c < 0.5)"}}, r"resets\.'each segment'\.d: expected no latch"),
     ],
 )
-def test_mistakes_in_updates(updates: Any, message: str) -> None:
+def test_mistakes_in_updates(resets: Any, message: str) -> None:
     with pytest.raises((ValueError, TypeError), match=message):
-        doses(updates=updates)
+        doses(resets=resets)
 
 
 def test_what_has_no_updates_refuses_them() -> None:

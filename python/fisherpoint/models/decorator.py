@@ -59,7 +59,6 @@ def model(
     name: str | None = None,
     nominal: Mapping[str, float] | None = None,
     resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]] = (),
-    updates: Mapping[str, Mapping[str, Any]] | Iterable[tuple[str, Mapping[str, Any]]] = (),
     check_units: bool = True,
 ) -> Callable[[Callable[..., Any]], SymbolicModel]:
     """Make a model of a function ``(x, u, p) -> f, g`` or ``(x, u, p) -> f, g, domain``.
@@ -98,7 +97,6 @@ def model(
             name=own_name,
             nominal=nominal,
             resets=resets,
-            updates=updates,
             check_units=False,
         )
         made = SymbolicModel(f, g, states or {}, inputs or {}, parameters, outputs, **options)

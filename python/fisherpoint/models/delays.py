@@ -26,7 +26,7 @@ def without_delays(equations: Equations, places: Sequence[str]) -> tuple[Delays,
     """
     resets = [e for reset in equations.resets for e in (reset.condition, *(value for _, value in reset.values))]
     further = [("domain", e) for e in equations.conditions] + [("along", e) for _, e in equations.along]
-    further += [("updates", value) for update in equations.updates for _, value in update.values]
+    further += [("resets", value) for update in equations.updates for _, value in update.values]
     named = [*zip(places, (*equations.rates, *equations.output), strict=True), *further, *(("resets", e) for e in resets)]
     delays, plain = Delays(), dict[str, str]()
     inputs = {symbol.name: symbol for symbol in equations.inputs}

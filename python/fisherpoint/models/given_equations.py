@@ -7,17 +7,15 @@ from typing import Any
 
 import sympy
 
-from ..basics.checks import as_sequence, check_known
+from ..basics.checks import as_sequence
 from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
-from .equation_text import parse_condition, parse_equation, parse_limit
+from .equation_text import parse_equation, parse_limit
 from .expressions import checked
 from .surfaces.printing import to_text
 from .tape.delay import delay_in
-from .tape.latch import holds
-from .tape.parts import replaced, symbols_of
-from .tape.reset import Reset
-from .terms import Term, as_term
+from .tape.parts import replaced
+from .terms import Term
 
 
 def listed_equations(given: Any, place: str) -> list[Any]:
@@ -56,40 +54,6 @@ def condition_of(given: Any, symbols: Mapping[str, Any], place: str, clocks: Map
     elif isinstance(given, sympy.StrictLessThan | sympy.LessThan):
         given = given.rhs - given.lhs
     return equation_of(given, symbols, place, clocks)
-
-
-def checked_resets(given: Any, states: Sequence[str]) -> tuple[tuple[Any, Mapping[str, Any]], ...]:
-    """Conditions with the states that they set, of a mapping or a sequence of pairs."""
-    pairs = list(given.items()) if isinstance(given, Mapping) else [] if given is None else as_sequence(given, "resets", "pairs")
-    for pair in pairs:
-        if not isinstance(pair, tuple) or len(pair) != 2 or not isinstance(pair[1], Mapping) or not pair[1]:
-            raise TypeError(
-                f"resets: expected a condition with the states that it sets, as {{'x < 0': {{'v': '-e*v'}}}}, given {shown(pair)}"
-            )
-        check_known(pair[1], states, f"resets.{shown(pair[0])}", "names of states,")
-    return tuple(pairs)
-
-
-def reset_of(
-    condition: Any, values: Mapping[str, Any], symbols: Mapping[str, Any], clocks: Mapping[str, Any], moving: Set[Any]
-) -> Reset:
-    """A reset of states in symbols; `moving` are the states and inputs."""
-    place = f"resets.{shown(condition)}"
-    when = _reset_condition(condition, symbols, place, clocks)
-    read = symbols_of(when)
-    if not read & (moving | set(clocks.values())) and not any(map(delay_in, read)):
-        raise ValueError(f"{place}: expected a condition of states, inputs or the time")
-    return Reset(when, tuple((symbols[x], equation_of(value, symbols, f"{place}.{x}", clocks)) for x, value in values.items()))
-
-
-def _reset_condition(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
-    """What is 1 where the condition of a reset holds, else 0."""
-    if isinstance(given, str):
-        return parse_condition(given, symbols, place, clocks)
-    term = as_term(given)
-    if term is None or not isinstance(term.expression, sympy.logic.boolalg.Boolean) or term.expression.is_Symbol:
-        raise ValueError(f"{place}: expected a condition such as x < 0, given {shown(given)}")
-    return checked(holds(term.expression), symbols, place, clocks)
 
 
 def text_of(given: Any, expression: Any) -> str:

@@ -11,6 +11,7 @@ from ..basics.messages import printable
 from ..basics.quantity import Quantity
 from .base import Model
 from .surfaces.structure import Equations
+from .tape.update import at_known_times
 
 
 def model_text(
@@ -18,14 +19,13 @@ def model_text(
     rates: Sequence[str],
     output: Sequence[str],
     resets: Sequence[tuple[str, Mapping[str, str]]] = (),
-    updates: Sequence[tuple[str, Mapping[str, str]]] = (),
 ) -> str:
     """The model as text, for `print`, with its equations as they were given."""
     lines = [model.name]
     for kind in ("states", "inputs", "parameters", "outputs"):
         lines += _table(kind, ((q, model.nominal.get(q.name)) for q in getattr(model, kind)))
     lines += _table("constants", ((q, model.constants[q.name]) for q in model.constant_quantities))
-    lines += ["", *_equations(model, rates, output), *_set_anew("when ", resets), *_set_anew("", updates), ""]
+    lines += ["", *_equations(model, rates, output), *_resets(resets), ""]
     limits = [f"{name} other than 0" for name in model.poles] + [f"{name} > 0" for name in model.domain[len(model.poles) :]]
     facts = {"jumps": [f"{name} = 0" for name in model.jumps], "kinks": [f"{name} = 0" for name in model.kinks], "domain": limits}
     facts["blocks"] = [f"{{{', '.join(block)}}}" for block in model.blocks]
@@ -52,10 +52,10 @@ def _equations(model: Model, rates: Sequence[str], output: Sequence[str]) -> Ite
             yield f"{quantity.name} = {text}"
 
 
-def _set_anew(head: str, given: Sequence[tuple[str, Mapping[str, str]]]) -> Iterator[str]:
-    for when, values in given:
+def _resets(resets: Sequence[tuple[str, Mapping[str, str]]]) -> Iterator[str]:
+    for when, values in resets:
         assignments = ", ".join(f"{x} = {printable(' '.join(text.split()))}" for x, text in values.items())
-        yield f"{head}{printable(' '.join(when.split()))}: {assignments}"
+        yield f"{'' if at_known_times(when) else 'when '}{printable(' '.join(when.split()))}: {assignments}"
 
 
 def latex(equations: Equations, outputs: Iterable[str]) -> str:

@@ -23,7 +23,6 @@ def equations_toml(
     g: Sequence[str],
     domain: Sequence[str],
     resets: Sequence[tuple[str, Mapping[str, str]]] = (),
-    updates: Sequence[tuple[str, Mapping[str, str]]] = (),
 ) -> str:
     """A model as the table [model]; its equations stand in it as they were given."""
     lines = _head(model)
@@ -38,12 +37,9 @@ def equations_toml(
     equations = [*zip(states, f, strict=True)]
     equations += [(q.name, text) for q, text in zip(model.outputs, g, strict=True) if q.name not in states]
     lines += _table("equations", [(name, _string(text)) for name, text in equations])
-    for name, given in (("resets", resets), ("updates", updates)):
-        if given:
-            lines += ["", f"[model.{name}]"]
-            lines += [
-                f"{_string(when)} = {{ {', '.join(f'{x} = {_string(text)}' for x, text in of.items())} }}" for when, of in given
-            ]
+    if resets:
+        lines += ["", "[model.resets]"]
+        lines += [f"{_string(when)} = {{ {', '.join(f'{x} = {_string(text)}' for x, text in of.items())} }}" for when, of in resets]
     return "\n".join([*lines, ""])
 
 

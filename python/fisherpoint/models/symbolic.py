@@ -25,18 +25,16 @@ from .dimensions import is_time, mistakes_in_units, plain_rate_of, rate_of, stat
 from .expressions import symbol
 from .given_equations import (
     check_count,
-    checked_resets,
     condition_of,
     equation_of,
     limits_of,
     listed_equations,
-    reset_of,
-    text_of,
 )
 from .hidden_states import HiddenCore, HiddenKernels
 from .model_text import latex, model_text
 from .model_to_toml import equations_toml
 from .quantities import Described, DescribedModel, check_counts, start_offsets
+from .set_anew import states_set_anew
 from .surfaces.domain import MOST
 from .surfaces.memory import has_latch
 from .surfaces.printing import to_text
@@ -46,7 +44,6 @@ from .tape.latch import condition_of as condition_in
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
-from .updates import checked_updates, update_of
 
 MOST_MISTAKES = 5
 """Maximum number of mistakes in units that a warning lists."""
@@ -75,12 +72,10 @@ class SymbolicModel(DescribedModel):
     name : str
     nominal : mapping of parameter name to float, optional
         Usual values.
-    resets : mapping of condition to mapping of state name to value, or sequence of such pairs, optional
-        States that get new values where a condition becomes true, as ``{"x < 0": {"v": "-e*v"}}`` of a mass that bounces.
+    resets : mapping of condition or times to mapping of state name to value, or sequence of such pairs, optional
+        States that get new values where a condition becomes true, as ``{"x < 0": {"v": "-e*v"}}`` of a mass that bounces, or at
+        known times, as ``{"every 5 ms": {"i": "i + k*(r - q)"}}`` of a controller and ``{"each segment": {"d": "d + dose"}}``.
         Conditions and values are texts, expressions or terms; the values are of the states just before.
-    updates : mapping of times to mapping of state name to value, or sequence of such pairs, optional
-        States that get new values at known times, as ``{"every 5 ms": {"i": "i + k*(r - q)"}}`` of a controller, or
-        ``{"each segment": {"depot": "depot + dose"}}`` at the start of each segment of a run.
     check_units : bool
         Whether a warning names places of the equations where units do not fit, as of ``x**2 - k*x`` with x in m and k in 1/s.
 
@@ -104,7 +99,6 @@ class SymbolicModel(DescribedModel):
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
         resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]] = (),
-        updates: Mapping[str, Mapping[str, Any]] | Iterable[tuple[str, Mapping[str, Any]]] = (),
         check_units: bool = True,
     ) -> None:
         given_f, given_g, given_domain = listed_equations(f, "f"), listed_equations(g, "g"), listed_equations(domain, "domain")
@@ -128,21 +122,23 @@ class SymbolicModel(DescribedModel):
         rates = [equation_of(e, symbols, f"equations.{q.name}", clocks) for e, q in zip(given_f, self.states, strict=True)]
         output = [equation_of(e, symbols, self._place_of(q), clocks) for e, q in zip(given_g, self.outputs, strict=True)]
         conditions = [condition_of(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
-        self._given_resets = checked_resets(resets, names_of(self.states))
         moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
-        anew = tuple(reset_of(condition, values, symbols, clocks, moving) for condition, values in self._given_resets)
-        self._given_updates = checked_updates(updates, names_of(self.states))
-        timed = tuple(update_of(when, values, symbols, clocks) for when, values in self._given_updates)
-        of_resets = [one for reset in anew for one in (reset.condition, *(value for _, value in reset.values))]
-        of_updates = [value for update in timed for _, value in update.values]
-        read = set().union(*map(symbols_of, (*rates, *output, *conditions, *of_resets, *of_updates)))
+        anew = states_set_anew(resets, names_of(self.states), symbols, clocks, moving)
+        read = set().union(*map(symbols_of, (*rates, *output, *conditions, *anew.expressions())))
         self.clock = next((clock for clock in clocks.values() if clock in read), None)
         limits_along = limits_of(self.along, symbols, self.offsets, moving)
         self._check_outputs(output, symbols)
         of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
         values = {symbols[n]: v for n, v in self.constants.items()}
         self._written = Equations(
-            tuple(rates), tuple(output), tuple(conditions), **of, constants=values, along=limits_along, resets=anew, updates=timed
+            tuple(rates),
+            tuple(output),
+            tuple(conditions),
+            **of,
+            constants=values,
+            along=limits_along,
+            resets=anew.resets,
+            updates=anew.updates,
         )
         delays, self.equations = without_delays(
             self._written, [f"equations.{q.name}" for q in self.states] + [*map(self._place_of, self.outputs)]
@@ -160,15 +156,7 @@ class SymbolicModel(DescribedModel):
                 raise ValueError(
                     f"{place}: expected no latch(), which rates and resets alone read: set a state of your own by resets"
                 )
-        self.reset_texts = tuple(
-            (text_of(given, condition_in(reset.condition)), {x.name: text_of(values[x.name], value) for x, value in reset.values})
-            for (given, values), reset in zip(self._given_resets, anew, strict=True)
-        )
-        self.updates = tuple(update.times for update in timed)
-        self.update_texts = tuple(
-            (update.times.text, {x.name: text_of(values[x.name], value) for x, value in update.values})
-            for (_, values), update in zip(self._given_updates, timed, strict=True)
-        )
+        self.reset_texts, self.updates = anew.texts, tuple(update.times for update in anew.updates)
         self.structure = Structure(followed(self.equations, self.clock))
         self.latches = len(self.structure.equations.latches)
         surfaces, limits = self.structure.surfaces, self.structure.limits
@@ -253,9 +241,7 @@ class SymbolicModel(DescribedModel):
         if self.compiled:
             return self
         if self.structure.resets or self.updates:
-            warnings.warn(
-                "compile: expected a model without latch(), resets and updates; the model stays interpreted", stacklevel=2
-            )
+            warnings.warn("compile: expected a model without latch() and resets; the model stays interpreted", stacklevel=2)
             return self
         compiled = copy.copy(self)
         compiled.__dict__.pop("core", None)
@@ -338,7 +324,7 @@ class SymbolicModel(DescribedModel):
             )
             for reset in self.equations.resets
         ]
-        updates = [
+        timed = [
             (
                 update.times.text,
                 {x.name: replaced(v, shift) - (symbol(moved[x.name].name) if x.name in moved else 0) for x, v in update.values},
@@ -348,7 +334,7 @@ class SymbolicModel(DescribedModel):
         nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
         further = {**self.offsets, **dict(zip(names_of(offsets), names, strict=True))}
         return self._changed(
-            equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further, resets=resets, updates=updates
+            equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further, resets=[*resets, *timed]
         )
 
     def within(self, *limits: str) -> SymbolicModel:
@@ -399,7 +385,6 @@ class SymbolicModel(DescribedModel):
             along=self.along,
             offsets=dict(self.offsets),
             resets=self.reset_texts,
-            updates=self.update_texts,
         )
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
@@ -424,7 +409,7 @@ class SymbolicModel(DescribedModel):
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
         f, g, domain = self.texts
         limits = [*domain, *(to_text(condition) for _, condition in self.equations.along)]
-        return equations_toml(self, f, g, limits, self.reset_texts, self.update_texts)
+        return equations_toml(self, f, g, limits, self.reset_texts)
 
     @cached_property
     def least(self) -> Mapping[str, float]:
@@ -455,7 +440,7 @@ class SymbolicModel(DescribedModel):
 
     def __str__(self) -> str:
         rates, output, _ = self.texts
-        return model_text(self, rates, output, self.reset_texts, self.update_texts)
+        return model_text(self, rates, output, self.reset_texts)
 
     def _repr_latex_(self) -> str:
         return latex(self._written, names_of(self.outputs))

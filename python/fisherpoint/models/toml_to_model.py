@@ -62,7 +62,6 @@ class ModelTable(Table):
     equations: dict[str, str] | None = None
     domain: list[str] = Field(default_factory=list)
     resets: dict[str, dict[str, str]] = Field(default_factory=dict)
-    updates: dict[str, dict[str, str]] = Field(default_factory=dict)
     check_units: bool = True
 
     @model_validator(mode="after")
@@ -74,7 +73,6 @@ class ModelTable(Table):
                 *(kind for kind, given in self.quantities.items() if given),
                 *(["domain"] if self.domain else []),
                 *(["resets"] if self.resets else []),
-                *(["updates"] if self.updates else []),
             ):
                 fail(f"model.{key}: expected only with a table [model.equations], given without")
         elif self.smooth is not None:
@@ -184,7 +182,6 @@ def _of_equations(table: ModelTable) -> Model:
         name=table.name,
         nominal=nominal,
         resets=table.resets,
-        updates=table.updates,
         check_units=False,
     )
 

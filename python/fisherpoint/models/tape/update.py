@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...basics.values import Array
+
+EACH_SEGMENT = "each segment"
+
+_TIMES = re.compile(rf"\s*(?:{EACH_SEGMENT}\s*$|(?:every|at)\s+(?!and\b|or\b)[\w.])")
+
+
+def at_known_times(text: str) -> bool:
+    """Whether a text is one of times, such as "every 5 ms", and no condition."""
+    return _TIMES.match(text) is not None
 
 
 @dataclass(frozen=True)

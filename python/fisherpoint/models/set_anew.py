@@ -1,0 +1,122 @@
+"""States that are set anew, as a model is given them: where a condition becomes true, or at known times.
+
+``{"x < 0": {"v": "-e*v"}, "every 5 ms": {"i": "i + k*(r - q)"}}``
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence, Set
+from typing import Any, NamedTuple
+
+import sympy
+
+from ..basics.checks import as_sequence, check_known
+from ..basics.messages import shown
+from ..basics.units import convert_unit
+from .equation_text import parse_condition
+from .expressions import checked
+from .given_equations import equation_of, text_of
+from .surfaces.memory import has_latch
+from .tape.delay import delay_in
+from .tape.latch import condition_of as condition_in
+from .tape.latch import holds
+from .tape.parts import symbols_of
+from .tape.reset import Reset
+from .tape.update import EACH_SEGMENT, Update, UpdateTimes, at_known_times
+from .terms import as_term
+
+Texts = tuple[tuple[str, Mapping[str, str]], ...]
+
+
+class SetAnew(NamedTuple):
+    """Resets where conditions become true, updates at known times, and texts of all."""
+
+    resets: tuple[Reset, ...]
+    updates: tuple[Update, ...]
+    texts: Texts
+
+    def expressions(self) -> Iterator[Any]:
+        for reset in self.resets:
+            yield reset.condition
+        for values in (*(reset.values for reset in self.resets), *(update.values for update in self.updates)):
+            yield from (value for _, value in values)
+
+
+def states_set_anew(
+    given: Any, states: Sequence[str], symbols: Mapping[str, Any], clocks: Mapping[str, Any], moving: Set[Any]
+) -> SetAnew:
+    """All of a mapping, or a sequence of pairs; `moving` are the symbols of states and inputs."""
+    resets: list[Reset] = []
+    updates: list[Update] = []
+    texts = []
+    for when, values in _pairs(given, states):
+        place = f"resets.{shown(when)}"
+        new = tuple((symbols[x], equation_of(value, symbols, f"{place}.{x}", clocks)) for x, value in values.items())
+        if isinstance(when, str) and at_known_times(when):
+            updates.append(_update(when, new, place))
+            text = updates[-1].times.text
+        else:
+            resets.append(Reset(_condition(when, symbols, place, clocks, moving), new))
+            text = text_of(when, condition_in(resets[-1].condition))
+        texts.append((text, {x.name: text_of(values[x.name], value) for x, value in new}))
+    return SetAnew(tuple(resets), tuple(updates), tuple(texts))
+
+
+def _pairs(given: Any, states: Sequence[str]) -> list[tuple[Any, Mapping[str, Any]]]:
+    pairs = list(given.items()) if isinstance(given, Mapping) else [] if given is None else as_sequence(given, "resets", "pairs")
+    for pair in pairs:
+        if not isinstance(pair, tuple) or len(pair) != 2 or not isinstance(pair[1], Mapping) or not pair[1]:
+            raise TypeError(
+                "resets: expected a condition or times with the states that it sets, as {'x < 0': {'v': '-e*v'}}, given"
+                f" {shown(pair)}"
+            )
+        check_known(pair[1], states, f"resets.{shown(pair[0])}", "names of states,")
+    return list(pairs)
+
+
+def _condition(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any], moving: Set[Any]) -> Any:
+    """What is 1 where the condition of a reset holds, else 0."""
+    if isinstance(given, str):
+        when = parse_condition(given, symbols, place, clocks)
+    else:
+        term = as_term(given)
+        if term is None or not isinstance(term.expression, sympy.logic.boolalg.Boolean) or term.expression.is_Symbol:
+            raise ValueError(f"{place}: expected a condition such as x < 0, given {shown(given)}")
+        when = checked(holds(term.expression), symbols, place, clocks)
+    read = symbols_of(when)
+    if not read & (moving | set(clocks.values())) and not any(map(delay_in, read)):
+        raise ValueError(f"{place}: expected a condition of states, inputs or the time")
+    return when
+
+
+def _update(when: str, values: tuple[tuple[Any, Any], ...], place: str) -> Update:
+    for x, value in values:
+        if has_latch(value):
+            raise ValueError(f"{place}.{x.name}: expected no latch() at known times")
+    return Update(_times(" ".join(when.split()), place), values)
+
+
+def _times(text: str, place: str) -> UpdateTimes:
+    if text == EACH_SEGMENT:
+        return UpdateTimes(text)
+    if found := re.fullmatch(r"every (.+?)(?: from (.+))?", text):
+        every, first = _time(found[1], place), 0.0 if found[2] is None else _time(found[2], place)
+        if not every > 0:
+            raise ValueError(f"{place}: expected a period of more than 0 s, given {every:g}")
+        return UpdateTimes(text, (first,), every)
+    return UpdateTimes(text, tuple(sorted({_time(one, place) for one in text.removeprefix("at ").split(",")})))
+
+
+def _time(text: str, place: str) -> float:
+    found = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-zµ]+)\s*", text)
+    try:
+        if found is None:
+            raise ValueError
+        value = float(found[1])
+    except ValueError:
+        raise ValueError(f"{place}: expected a time with its unit, as 5 ms, given {shown(text)}") from None
+    try:
+        return float(convert_unit(value, found[2], "s"))
+    except ValueError as error:
+        raise ValueError(f"{place}: expected a unit of time, given {shown(found[2])}") from error
