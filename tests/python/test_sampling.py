@@ -169,7 +169,7 @@ def test_the_samples_of_a_design_are_on_their_clock(tmp_path: Path) -> None:
 
 
 def test_files_of_runs_have_holds_and_the_period(tmp_path: Path) -> None:
-    sampled, path = held([[0.02] * 5, [0.01] * 5]).sampled(0.001), tmp_path / "runs.csv"
+    sampled, path = held([[0.02] * 5, [0.015] * 5]).sampled(0.001), tmp_path / "runs.csv"
     sampled.to_csv(path, joint())
     rows = path.read_text().splitlines()
     assert rows[0] == "run,segment,q,w,u,dt,measured,sample_every" and len(rows) == 11
