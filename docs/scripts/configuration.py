@@ -212,8 +212,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
     "runs.profile": (
         "A table for each input that follows a profile; `[region]` has one value of `dt` then, the actuator's clock."
         " [Signals](../how_to/signals.md#classical-excitations).",
-        '[region]\ndt = 0.02\n\n[runs]\nsegments = 50\n\n[runs.profile.u]\nkind = "multisine"\nharmonics = 5\n'
-        "bandwidth = [1, 10]\n",
+        "[region]\ndt = 0.02\n\n[runs]\nsegments = 50\n\n"
+        '[runs.profile.u]\nkind = "multisine"\nharmonics = 5\nbandwidth = [1, 10]\n',
         {
             "kind": 'Which one. With "held", the default, every segment has a number of its own. With "given" the input is not'
             " designed, and has no bounds in `[region]`.",

@@ -33,7 +33,7 @@ def region(segments: int = 50, **changes: Any) -> fp.RunRegion:
 
 
 def problem(of: fp.RunRegion, model: fp.SymbolicModel | None = None, **changes: Any) -> fp.DesignProblem:
-    return fp.DesignProblem(model or joint(), PRIOR, of, noise={"q": 1e-3}, **changes)
+    return fp.DesignProblem(model or joint(), PRIOR, of, **({"noise": {"q": 1e-3}} | changes))
 
 
 def objective_of(given: fp.DesignProblem, plants: int = 1) -> RunObjective:

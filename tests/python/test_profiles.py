@@ -84,7 +84,7 @@ def test_a_chirp_goes_from_one_frequency_to_the_other() -> None:
         rates = 0.5 / np.diff(crossings)
         expected = 1 + 19 * crossings / 20 if sweep == "linear" else 20 ** (crossings / 20)
         assert np.allclose(rates, (expected[1:] + expected[:-1]) / 2, rtol=0.05)
-    level = fp.Chirp((3.0, 3.0), sweep="logarithmic").shares(np.array([[0.5, 0.2, 0.9, 1.0, 0.25]]), CLOCK)[0]
+    level = fp.Chirp((3.0, 3.0), sweep="logarithmic").shares(np.array([[0.5, 0.2, 0.9, 1.0, 0.625]]), CLOCK)[0]
     assert np.allclose(level, 0.5 + 0.5 * np.cos(2 * np.pi * 3 * CLOCK.t)), "a band of one frequency is a sine"
 
 

@@ -169,7 +169,7 @@ def test_the_samples_of_a_design_are_on_their_clock(tmp_path: Path) -> None:
 
 
 def test_files_of_runs_have_holds_and_the_period(tmp_path: Path) -> None:
-    sampled, path = held([[0.02] * 5, [0.01] * 5]).sampled(0.001), tmp_path / "runs.csv"
+    sampled, path = held([[0.02] * 5, [0.015] * 5]).sampled(0.001), tmp_path / "runs.csv"
     sampled.to_csv(path, joint())
     rows = path.read_text().splitlines()
     assert rows[0] == "run,segment,q,w,u,dt,measured,sample_every" and len(rows) == 11
@@ -307,3 +307,37 @@ def test_mistakes_of_files_of_problems_are_named(old: str, new: str, text: str, 
     with pytest.raises(ConfigError) as error:
         fp.load_problem(path)
     assert text in str(error.value), str(error.value)
+
+
+NOISY: dict[str, Any] = {
+    "white": {},
+    "with a memory": {"noise": {"q": fp.Noise(1e-3, colored=fp.GaussMarkov(1e-3, 0.01))}},
+    "starts drawn anew": {"initial_state_std": {"w": 0.05}},
+    "uncertain": {"uncertain": {"F": 0.02}, "parameters": ["J", "b"]},
+}
+
+
+@pytest.mark.parametrize("changes", NOISY.values(), ids=NOISY)
+def test_slopes_hold_whatever_moves_the_samples(changes: Any) -> None:
+    """Where samples share an error, each one that is lost changes the rows of all: so none is, when slopes are taken."""
+    given = problem(
+        region(5, bounds={"dt": (0.013, 0.021)}), joint(friction="tanh(w/w_s)", constants={"w_s": (0.2, "rad/s")}), **changes
+    )
+    objective = objective_of(given)
+    z = np.random.default_rng(2).uniform(0.2, 0.8, (1, 10))
+    z[0, 5:] = 0.5  # 17 ms: the last sample is just at the end
+    linear = linear_rows(objective, z, None, True, np.random.default_rng(0))
+    assert linear is not None
+    counts = objective.coordinates.runs(z).measured.sum(axis=1)
+
+    def f(at: Any) -> Any:
+        return objective.judged(objective.tried(at[None], None, counts)).matrices[0, 0]
+
+    base = linear.rows[0, 0]
+    assert np.allclose(base.T @ base, f(z[0]), rtol=1e-8)
+    for j in range(10):
+        step = 1e-3 * np.eye(10)[j]
+        wanted, product = (f(z[0] + step) - f(z[0] - step)) / 2e-3, base.T @ linear.row_slopes[0, j, 0]
+        assert np.allclose(
+            product + product.T, wanted, rtol=0, atol=1e-2 * np.abs(wanted).max() + 1e-4 * np.abs(base.T @ base).max()
+        )

@@ -263,7 +263,8 @@ class RunRegion:
 
     def __repr__(self) -> str:
         often = "" if self.sample_every is None else f", sample_every={self.sample_every:g}"
-        return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments}{often})"
+        profile = "" if self.profile is None else f", profile={self.profile!r}"
+        return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments}{often}{profile})"
 
 
 def _levels(given: Any, label: str) -> tuple[float, ...]:

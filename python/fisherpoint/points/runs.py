@@ -347,8 +347,8 @@ class Runs(InNotebooks):
         between), and rest_u, of an input u, has the held input. The states then are the guess. Where a controller holds runs there,
         rest_hold and rest_solve name states and inputs as `Rest` has them, and rest_y_q has the output q.
         Inputs before the start stand in before_u, of an input u, where they are given.
-        Runs that are sampled at a period, four times or more in each hold on average, have one row for each hold, and the period
-        in the column sample_every of their first row; their durations are read back to rounding.
+        Runs of 60 segments or more that are sampled at a period, four times or more in each hold on average, have one row for each
+        hold, and the period in the column sample_every of their first row; their durations are read back to rounding.
         Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
         """
         write_whole(path, runs_csv(self, model))

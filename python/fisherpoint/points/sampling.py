@@ -17,8 +17,8 @@ from ..basics.values import Array
 SAME = 1e-9
 """Share of the shortest segment or step between samples, up to which instants are the same."""
 
-DENSE = 4
-"""Samples of each hold, on average, from which on a run is written as what it holds and how often it is sampled."""
+MANY, DENSE = 60, 4
+"""Segments of a run, and samples of each hold on average, from which on a run is written by what it holds and its period."""
 
 _NONE = -2
 
@@ -112,7 +112,8 @@ def holds_of(u: Array, dt: Array, measured: NDArray[np.bool_]) -> Holds:
     for k, n in enumerate(np.count_nonzero(dt, axis=1).tolist()):
         held, durations, flags = u[k, :n], dt[k, :n], measured[k, :n]
         last = np.append((np.diff(held, axis=0) != 0).any(axis=1), True)
-        period = _period(durations, flags) if flags.sum() >= DENSE * last.sum() else None
+        dense = n >= MANY and flags.sum() >= DENSE * last.sum()
+        period = _period(durations, flags) if dense else None
         if period is not None:
             every[k] = period
             ends = np.cumsum(durations)[last]

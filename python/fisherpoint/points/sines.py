@@ -127,7 +127,7 @@ class Multisine(_Swings):
     def _parts(self, z: Array) -> tuple[Array, Array]:
         """Amplitudes and phases (K, m), such that the crest factor is small enough."""
         m = len(self.orders)
-        amplitudes, phases = z[:, 2 : 2 + m], TURN * z[:, 2 + m :]
+        amplitudes, phases = z[:, 2 : 2 + m], TURN * turns_of(z[:, 2 + m :])
         if self.crest is None:
             return amplitudes, phases
         amplitudes, phases = amplitudes.copy(), phases.copy()
@@ -161,7 +161,7 @@ class Multisine(_Swings):
         amplitudes = (np.ones(m), self.orders.min() / self.orders, rng.random(m))[int(rng.integers(3))]
         phases = _schroeder(m) / TURN % 1.0 if rng.random() < 0.25 else rng.random(m)
         size = rng.choice([1.0, rng.uniform(0.3, 1.0)])
-        return np.concatenate([[self.offset(rng, middle), rng.random()], size * amplitudes, phases])
+        return np.concatenate([[self.offset(rng, middle), rng.random()], size * amplitudes, 0.25 + phases / 2])
 
     def still(self, share: float, clock: ActuatorClock) -> Array:
         m = len(self.orders)
@@ -221,10 +221,12 @@ class Chirp(_Swings):
         else:
             rate = np.log(last / first)
             turns = first * share * _mean_growth(rate * share)
-        return np.asarray(z[:, 3:4] * np.sin(TURN * (clock.duration * turns + z[:, 4:5])))
+        return np.asarray(z[:, 3:4] * np.sin(TURN * (clock.duration * turns + turns_of(z[:, 4:5]))))
 
     def drawn(self, rng: np.random.Generator, clock: ActuatorClock, middle: float) -> Array:
-        return np.array([self.offset(rng, middle), *rng.random(2), rng.choice([1.0, rng.uniform(0.3, 1.0)]), rng.random()])
+        return np.array(
+            [self.offset(rng, middle), *rng.random(2), rng.choice([1.0, rng.uniform(0.3, 1.0)]), rng.uniform(0.25, 0.75)]
+        )
 
     def still(self, share: float, clock: ActuatorClock) -> Array:
         return np.array([share, 0.5, 0.5, 0.0, 0.5])
@@ -238,8 +240,13 @@ class Chirp(_Swings):
             Fact("first frequency", first, "Hz"),
             Fact("last frequency", last, "Hz"),
             Fact("amplitude", size * float(z[0, 3]), "size"),
-            Fact("phase", 360.0 * float(z[0, 4]), "deg"),
+            Fact("phase", 360.0 * float(turns_of(z[0, 4]) % 1.0), "deg"),
         ]
+
+
+def turns_of(z: Array) -> Array:
+    """Phases of numbers between 0 and 1, in turns: two of them, so that an ascent can go on from either end of the usual one."""
+    return np.asarray(2 * z - 1)
 
 
 def _mean_growth(exponent: Array) -> Array:
