@@ -3,6 +3,7 @@
 from .campaign.many import Campaigns
 from .data import RecordTrajectory
 from .design.compare.compare import ComparedDesign, DesignComparison
+from .design.fleet.fleet_settings import FleetSettings
 from .design.results.efficiency import Efficiency
 from .design.results.found_design import TraceRecord
 from .design.results.scenario_values import ScenarioValues
@@ -22,6 +23,7 @@ __all__ = [
     "Efficiency",
     "ExchangeSettings",
     "Feasibility",
+    "FleetSettings",
     "Identifiability",
     "Nearby",
     "RecordTrajectory",

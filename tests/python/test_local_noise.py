@@ -59,7 +59,7 @@ def test_the_likelihood_by_blocks_is_that_of_the_whole_matrix(seed: int) -> None
 
 
 def line_data(seed: int, noise: fp.Noise | float, runs: int = 12, samples: int = 12) -> fp.Measurements:
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, 7])
     inputs = rng.uniform(-1, 1, (runs, samples, 1))
     of_runs = fp.Runs(np.zeros((runs, 0)), inputs, np.full((runs, samples), 0.5))
     rig = fp.VirtualRig(LINE, {"a": 2.0, "off": 0.0}, {"y": noise}, seed=seed)
