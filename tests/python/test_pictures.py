@@ -24,7 +24,7 @@ TRIED = {
     "plot_points", "plot_responses", "plot_trajectories", "plot_standard_errors", "plot_correlation", "plot_criterion", "plot_of",
     "plot_runs", "plot_information", "plot_parity", "plot_residuals", "plot_time", "plot_autocorrelation", "plot_ellipses",
     "plot_profiles", "plot_local",
-    "plot_validation", "plot_comparison", "plot_campaign", "plot_sweep",
+    "plot_validation", "plot_comparison", "plot_campaign", "plot_sweep", "plot_shares",
     "plot_windows", "plot_failures", "plot_singular_values", "plot_rules",
     "sensitivity_figure", "standard_error_figure", "correlation_figure", "save_figure",
 }  # fmt: skip
