@@ -42,9 +42,10 @@ class Local(Options):
 
     def __post_init__(self) -> None:
         check_name(self.by, "by")
-        if self.spread is not None and self.spread != ESTIMATED:
-            if isinstance(self.spread, str):
+        if isinstance(self.spread, str):
+            if self.spread != ESTIMATED:
                 raise ValueError(f"spread: expected a standard deviation, 'estimated' or None, given {self.spread!r}")
+        elif self.spread is not None:
             object.__setattr__(self, "spread", as_std(self.spread, "spread"))
 
     @property

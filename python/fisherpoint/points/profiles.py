@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,6 +47,9 @@ class Fact(NamedTuple):
 @dataclass(frozen=True)
 class InputProfile:
     """How the values of an input follow from numbers."""
+
+    in_order: ClassVar[bool] = False
+    """Whether the numbers are values over the time of a run, one after the other, as those of all segments are."""
 
     def check(self, clock: ActuatorClock) -> None:
         """Raise ValueError where the clock has no room for it."""
@@ -139,7 +142,8 @@ class Given(InputProfile):
 class _Knots(InputProfile):
     knots: int
 
-    LEAST = 2
+    LEAST: ClassVar[int] = 2
+    in_order: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", check_positive_int(self.knots, "knots", least=self.LEAST))
@@ -157,10 +161,6 @@ class _Knots(InputProfile):
 
     def shares(self, z: Array, clock: ActuatorClock) -> Array:
         return slowed(np.clip(z @ self.weights(clock).T, 0.0, 1.0), clock)
-
-    def drawn(self, rng: np.random.Generator, clock: ActuatorClock, middle: float) -> Array:
-        ends = rng.integers(0, 2, self.knots).astype(float)
-        return np.where(rng.random(self.knots) < 0.5, ends, rng.random(self.knots))
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,7 @@ class Spline(_Knots):
         For fewer than four.
     """
 
-    LEAST = 4
+    LEAST: ClassVar[int] = 4
 
     def weights(self, clock: ActuatorClock) -> Array:
         return _b_spline(self.knots, clock.n)

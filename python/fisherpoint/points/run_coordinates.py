@@ -86,10 +86,19 @@ class RunCoordinates:
 
     @cached_property
     def inputs(self) -> list[tuple[str, slice]]:
-        """Inputs with any values from segment to segment, and where their numbers are; those of a profile are in `profiles`."""
-        fixed = {*self._region.constant, *(one.name for one in self.profiles)}
-        places = [(name, where) for kind, name, where in self._places if kind == "input" and name not in fixed]
-        return [(name, where) for name, where in places if where.stop - where.start == self._region.segments]
+        """Inputs whose numbers are values one after the other, of segments or knots, and where these are."""
+        fixed = {*self._region.constant, *(one.name for one in self.signals)}
+        return [(name, where) for kind, name, where in self._places if kind == "input" and name not in fixed]
+
+    @property
+    def signals(self) -> list[OfProfile]:
+        """Inputs that follow a profile whose numbers are something else, such as frequencies."""
+        return [one for one in self.profiles if not one.profile.in_order]
+
+    @property
+    def any_values(self) -> bool:
+        """Whether an input may have any values from segment to segment."""
+        return not {name for name, _ in self.inputs} <= {one.name for one in self.profiles}
 
     @property
     def segments(self) -> int:

@@ -47,9 +47,7 @@ def divided(dt: Array, times: Array, every: float | None = None) -> Divided:
     count, n = dt.shape
     ends = np.where(dt > 0, np.cumsum(dt, axis=1), np.inf)
     steps = np.diff(times, axis=1, prepend=0.0) if every is None else np.full((count, times.shape[1]), every)
-    with np.errstate(invalid="ignore"):
-        shortest = np.minimum(np.where(dt > 0, dt, np.inf).min(axis=1), np.where(times < np.inf, steps, np.inf).min(axis=1))
-    same = np.maximum(SAME * shortest, 8 * np.finfo(float).eps * dt.sum(axis=1))[:, None]
+    same = _same(dt, np.where(times < np.inf, steps, np.inf).min(axis=1))[:, None]
 
     # All instants in order; an end and a sample that are the same are one, and numbers of both are kept, from 1 on.
     both = np.concatenate([ends, times], axis=1)
@@ -91,7 +89,13 @@ def multiples(every: float, counts: NDArray[np.intp]) -> Array:
 
 def sample_counts(dt: Array, every: float) -> NDArray[np.intp]:
     """How many multiples of a period there are until the ends of runs with segments dt (K, N)."""
-    return np.asarray(np.floor(dt.sum(axis=1) / every * (1 + 4 * np.finfo(float).eps) + SAME), dtype=np.intp)
+    return np.asarray(np.floor((dt.sum(axis=1) + _same(dt, every)) / every), dtype=np.intp)
+
+
+def _same(dt: Array, step: Array | float) -> Array:
+    """Distance (K,), s, within which instants are the same, of runs with segments dt (K, N) and samples a step apart."""
+    shortest = np.minimum(np.where(dt > 0, dt, np.inf).min(axis=1), step)
+    return np.asarray(np.maximum(SAME * shortest, 8 * np.finfo(float).eps * dt.sum(axis=1)))
 
 
 class Holds(NamedTuple):

@@ -98,7 +98,7 @@ def moved_runs(
             if others is not None and len(others):
                 found.append(_parts(z, where, others, rng, tuning))
     quiet = coordinates.quiet
-    for one in coordinates.profiles:
+    for one in coordinates.signals:
         moved = np.tile(z, (tuning.most_blocks, 1))
         for row in moved:
             anew = others is None or not len(others) or rng.random() < 0.5
@@ -117,7 +117,7 @@ def _some(moved: Array, most: int, rng: np.random.Generator) -> Array:
 
 def _single(coordinates: RunCoordinates, z: Array, tuning: RunSearchTuning) -> Array:
     number, values = [], []
-    of_profiles = {j for one in coordinates.profiles for j in range(one.where.start, one.where.stop)}
+    of_profiles = {j for one in coordinates.signals for j in range(one.where.start, one.where.stop)}
     for j, levels in enumerate(coordinates.stepped):
         if not coordinates.shared[j]:
             fine = tuning.grid_values if j not in of_profiles else tuning.grid_values_of_profiles

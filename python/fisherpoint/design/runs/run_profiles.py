@@ -42,7 +42,7 @@ def draw_runs(
             if profile in RETURNING and OFF_BOUND < (middle := quiet[where.start]) < 1 - OFF_BOUND:
                 values = middle + (values - 0.5) * (2 * min(middle, 1 - middle))
             z[k, where] = values
-        for one in coordinates.profiles:
+        for one in coordinates.signals:
             z[k, one.where] = one.profile.drawn(rng, one.clock, float(quiet[one.where.start]))
         if len(durations) > 1 and rng.random() < 0.5:  # segments of one length
             z[k, durations] = rng.random()

@@ -27,7 +27,7 @@ def classical_runs(objective: RunObjective, n_runs: int, seed: int) -> dict[str,
     changes from segment to segment, and those that are not reached in the time.
     """
     found: dict[str, Array] = {}
-    if not objective.coordinates.inputs:
+    if not objective.coordinates.any_values:
         return found
     most = objective.tuning.most_classical_segments // (objective.coordinates.segments * len(objective.plants))
     wanted = max(4 * n_runs, 20, min(objective.tuning.classical_runs, most))

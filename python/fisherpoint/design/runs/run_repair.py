@@ -80,6 +80,6 @@ def _prolonged(objective: RunObjective, z: Array, end: int, rng: np.random.Gener
             first = last - int(np.ceil(last ** rng.random()))
             stop = first + int(np.ceil((last - first) * rng.random()))
             child[where][first:stop] = rng.integers(0, levels) / (levels - 1)
-        for one in objective.coordinates.profiles:
+        for one in objective.coordinates.signals:
             child[one.where] = one.profile.drawn(rng, one.clock, float(quiet[one.where.start]))
     return found
