@@ -73,8 +73,8 @@ class SamplesOnTheWay {
           lanes_of<P>::set(share, lane, (next_at(lane) - lanes_of<P>::get(time_, lane)) / lanes_of<P>::get(size, lane));
       tangents.within(share, x_, s_);
       equation_.output(x_, s_, y_, dy_);
-      const auto known = finite<P>(x_) & finite<P>(s_),
-                 has_outputs = finite<P>(y_) & finite<P>(dy_) & !outside_of_output<P>(states_, x_);
+      const mask_of_lanes<P> known = finite<P>(x_) & finite<P>(s_),
+                             has_outputs = finite<P>(y_) & finite<P>(dy_) & !outside_of_output<P>(states_, x_);
       for (std::size_t lane = 0; lane < rows_.size(); ++lane)
         if (due(lane, size)) put(lane, lanes_of<P>::get(known, lane), lanes_of<P>::get(has_outputs, lane));
     }
