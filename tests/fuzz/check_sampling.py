@@ -16,6 +16,9 @@ COUNT = 4
 SAMPLES = (1.0, 3.0, 7.3, 20.0, 50.0)
 """Periods in the length of a run."""
 
+MOST = 200
+"""Their number where the shortest segment is the period."""
+
 
 def check_sampling(bench: Bench) -> None:
     """Some runs from the starts of the case's points."""
@@ -25,7 +28,9 @@ def check_sampling(bench: Bench) -> None:
     for k in range(min(COUNT, len(bench.points))):
         run = drawn(bench, rng, k)
         if run is not None:
-            period = run.runs.dt.sum() / rng.choice(SAMPLES) if rng.integers(3) else run.runs.dt.min()
+            period = (
+                run.runs.dt.sum() / rng.choice(SAMPLES) if rng.integers(3) else max(run.runs.dt.min(), run.runs.dt.sum() / MOST)
+            )
             compare(run, Run(bench, run.runs.sampled(float(period)), run.theta))
 
 
