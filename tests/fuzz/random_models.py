@@ -42,6 +42,7 @@ ALSO = (
     "nice",
     "delay",
     "updates",
+    "sampling",
     "shared",
     "noise",
     "runs",
