@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "fisherpoint/equations/state_equation.hpp"
+#include "fisherpoint/integration/outcome.hpp"
 #include "fisherpoint/integration/tangents.hpp"
 #include "fisherpoint/kernels/point_paths.hpp"
 #include "fisherpoint/kernels/points.hpp"
@@ -23,6 +24,9 @@ struct PieceSamples {
   unsigned char* missed;               // (count,)
 
   std::size_t inside(std::size_t piece) const { return at[piece].size() - 1; }
+  SamplesOfLane of_states(std::size_t piece, std::size_t n_x) const {
+    return {std::span(at[piece]).first(inside(piece)), x + (state[piece] + 1) * n_x};
+  }
 };
 
 // Whether a piece has its samples in explicit steps between surfaces, each further off the jumps that it meets than `room`.

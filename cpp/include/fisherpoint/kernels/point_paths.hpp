@@ -171,8 +171,8 @@ void for_each_part(double growth, auto&& use) {
 // For which memory is taken at once.
 inline constexpr std::size_t usual_steps = 64;
 
-// The columns need finer steps than the states, and still finer ones where they are sampled within them.
-inline constexpr double first_refinement = 1.4, refinement_of_sampled = 1.6;
+// The columns need finer steps than the states; those that are sampled within them are finer already (dense_output.hpp).
+inline constexpr double first_refinement = 1.4, refinement_of_sampled = 1.1;
 
 // The same path in about `factor` times as many steps, whose sizes change along it as they did.
 template <class M>

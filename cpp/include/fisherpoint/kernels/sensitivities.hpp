@@ -81,7 +81,14 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     });
   }
   if (goes_on) hold_conditions<P>(integrator.held(), pack.used, [&](int lane) { return carried->ends[rows[lane]]; });
-  const auto outcome = integrator.run(x, pack.dt, first, &steps, stiff, goes_on ? &from : nullptr);
+  Samples<P> samples;  // so that steps are as fine as these need
+  bool sampled = false;
+  for (int lane = 0; carried && carried->samples && lane < pack.used; ++lane) {
+    samples.lanes[lane] = carried->samples->of_states(rows[lane], n_x);
+    sampled = sampled || !samples.lanes[lane].at.empty();
+  }
+  const auto outcome =
+      integrator.run(x, pack.dt, first, &steps, stiff, goes_on ? &from : nullptr, sampled ? &samples : nullptr);
   if (goes_on) note_conditions<P>(integrator.held(), pack.used, [&](int lane) { return carried->ends[rows[lane]]; });
   store_ends<P>(x, equation.output(x), outcome.status, rows, out, outside_of_output<P>(equation, x),
                 carried ? carried->measured : nullptr);
@@ -122,9 +129,9 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     });
     const bool steep = equation.dependence.any_steep() || taken.starts_on != 0;
     if (shape.holds_end > shape.jumps_end) taken = held_at_once(shape, taken);
-    const bool sampled = carried && carried->samples && carried->samples->inside(k) > 0;
+    const bool finer = carried && carried->samples && carried->samples->inside(k) > 0;
     paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken,
-                          sampled ? refinement_of_sampled : first_refinement);
+                          finer ? refinement_of_sampled : first_refinement);
     paths[k].fineness = 1.0;
     if (shape.holds_end > shape.jumps_end) {  // onto a surface that holds it, from either side
       paths[k].start = paths[k].runs[0].side;

@@ -34,6 +34,7 @@ from ..goal.estimable_space import RIDGE
 from ..goal.scenario_average import Average
 from ..results.settings import RunSettings
 from .reached_runs import ReachedRuns
+from .run_approach import approach
 from .run_climb import Climb
 from .run_clock import Clock, OutOfTime
 from .run_feasibility import RunGuard
@@ -250,12 +251,31 @@ class RunSearch:
             self.clock.share = 1.0
             self.clock.check()
         self.clock.share = 1.0
+        self._approach()
         for one in sorted(self._climbs, key=lambda one: one.worth, reverse=True):
             while not one.ended:
                 one.step()
             if one.best is not None and one.best.feasible:
                 break  # otherwise another one may come to runs that enough plants can run
         max(self._climbs, key=lambda one: (-np.inf,) if one.best is None else one.best.worth).go_on()
+        self._approach()
+
+    def _approach(self) -> None:
+        """Go from the best runs that enough plants can run towards better ones, where limits matter."""
+        best = self.best
+        if self.guard.first == 0 or self.region.samples is not None or not best.feasible:
+            return
+        better = [found for found in [*self.ends, *self.classical.values()] if found.value > best.value]
+        better += sorted((found for found in self._found if found.value > best.value), key=lambda found: -found.value)
+        targets = [found.z for found in better[: self.tuning.runs_looked_at]]
+        targets += list(self.pool.best_numbers(self.tuning.runs_looked_at)[:, None]) if self.n_runs == 1 else []
+        self.objective.kappa = 0.0
+
+        def hopeful(z: Array, value: float) -> bool:
+            return float(self.objective.values(z[None])[0]) > value
+
+        tuning = self.tuning
+        approach(best, targets, lambda z: self._tried(z, None), hopeful, tuning.climb_least_gain, tuning.halvings_within)
 
     def _able_start(self) -> Array | None:
         """Free numbers of the best of the pool's runs that enough plants can run as they are, whatever they pay for limits."""
