@@ -1,0 +1,129 @@
+"""Outputs that show the states as they were before, as those of a sensor behind a bus: y(t) = g(x(t - tau)).
+
+What a late output shows at the end of a segment is known at the end of an earlier part of the run, to which the run is divided. Up
+to tau it is that of the start. dy/dtheta is that of the part's end, and dy/dtau = -dy/dt there, on the side of larger tau. It
+comes from y at two more ends just before, as the trajectory alone knows along which surfaces it slides, and what latches remember.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.quantity import names_of
+from ..basics.values import Array
+from ..models import Model
+
+Places = NDArray[np.intp]
+
+BESIDE = 1e-5
+"""Distance between the ends of which dy/dt comes, as a share of the part that they are in."""
+
+LEAST = 1e-8
+"""Length of a part, as a share of the run, below which dy/dt is that at its start, if nothing switches there."""
+
+
+class LateEnds(NamedTuple):
+    """Of K runs with N segments and G different delays: the parts (K, N, G) at whose ends late outputs are known.
+
+    `ends` are -1 at the start. At the end of `slopes` and of the two parts before dy/dt is known.
+    """
+
+    ends: Places
+    slopes: Places
+
+    def behind(self, begin: Places) -> LateEnds:
+        """Those of the parts from `begin` (K, 1) on."""
+        return LateEnds(self.ends - begin[..., None], self.slopes - begin[..., None])
+
+    def flags(self, measured: NDArray[np.bool_], parts: int) -> NDArray[np.bool_]:
+        """At which ends of parts (K, S) measured late outputs are known."""
+        found = np.zeros((len(measured), parts), dtype=bool)
+        k, n, g = np.nonzero(measured[:, :, None] & (self.ends >= 0))
+        found[k, self.ends[k, n, g]] = True
+        return found
+
+    def values(self, model: Model, own: Array, y: Array, start: Array) -> Array:
+        """Outputs (K, N, n_y) of which late ones are of `y` (K, S, n_y) and `start` (K, n_y); derivatives, too, with one axis more."""
+        shown, row = own.copy(), np.arange(len(own))[:, None]
+        for i, _, g in late_places(model):
+            at = self.ends[:, :, g]
+            first = (at < 0).reshape(*at.shape, *[1] * (own.ndim - 3))
+            shown[:, :, i] = np.where(first, start[:, None, i], y[row, at, i])
+        return shown
+
+    def moved(self, model: Model, dy: Array, y: Array, dt: Array) -> Array:
+        """Derivatives (K, N, n_y, p) with what the delay itself moves, of `y` (K, S, n_y) at the ends of the parts dt (K, S)."""
+        row = np.arange(len(dy))[:, None]
+        for i, j, g in late_places(model):
+            if j is not None:
+                at = self.slopes[:, :, g]
+                with np.errstate(all="ignore"):
+                    rate = (3 * y[row, at, i] - 4 * y[row, at - 1, i] + y[row, at - 2, i]) / (2 * dt[row, at])
+                dy[:, :, i, j] -= np.where(self.ends[:, :, g] < 0, 0.0, rate)
+        return dy
+
+
+def late_places(model: Model) -> list[tuple[int, int | None, int]]:
+    """Of each late output its place, that of its delay among the parameters, if it is one, and among the different delays."""
+    times, outputs = list(dict.fromkeys(model.late_outputs.values())), names_of(model.outputs)
+    return [(outputs.index(y), model.late_columns.get(y), times.index(tau)) for y, tau in model.late_outputs.items()]
+
+
+def at_start(model: Model, x0: Array, since: float, u: Array, theta: Array) -> Array:
+    """Outputs (K, n_y) at the starts x0 (K, n_x), at the time `since`."""
+    return np.array(model.core.output(model.at(x0, since), u, theta)).reshape(len(x0), -1)
+
+
+def slopes_at_start(model: Model, x0: Array, u: Array, theta: Array, s: Array) -> Array:
+    """dy/dtheta (K, n_y, p) at the starts of runs, which move by s (K, n_x, p) with theta, or not if that is empty."""
+    count, p = theta.shape
+    if not s.size:
+        return np.array(model.core.output_jacobian(model.at(x0, 0.0), u, theta)).reshape(count, -1, p)
+    free = _freed(model)
+    values = np.column_stack([theta, np.zeros_like(x0)])
+    g = np.array(free.core.output_jacobian(free.at(x0, 0.0), u, values)).reshape(count, -1, values.shape[1])
+    return g[..., :p] + g[..., p:] @ s
+
+
+@lru_cache(maxsize=16)
+def _freed(model: Model) -> Model:
+    return model.free_start(*names_of(model.states))
+
+
+class Divided(NamedTuple):
+    """Parts of which some are divided in three: the new parts' lengths dt (K, M), which old one `of` each is, and the new ends."""
+
+    dt: Array
+    of: Places
+    first: NDArray[np.bool_]  # (K, M), of the new parts of an old one
+    ends: Places  # (K, S), the places of the old ones' ends
+
+
+def sources(late: Places, dt: Array, switches: NDArray[np.bool_]) -> Places:
+    """The parts (K, N, G) at whose ends dy/dt is taken: those of late outputs, or the ones before where these are too short."""
+    row, at = np.arange(len(late))[:, None, None], np.maximum(late, 0)
+    short = (dt[row, at] < LEAST * dt.sum(axis=1)[:, None, None]) & (at > 0) & ~switches[row, at]
+    return np.where(late < 0, late, at - short)
+
+
+def divided(dt: Array, at: NDArray[np.bool_]) -> Divided:
+    """Parts dt (K, S), divided near the ends of those `at` (K, S)."""
+    count, parts = dt.shape
+    pieces = np.where(at, 3, 1)
+    ends = np.cumsum(pieces, axis=1) - 1
+    length = int(ends[:, -1].max()) + 1
+    of, there = np.full((count, length), parts - 1, dtype=np.intp), np.zeros((count, length), dtype=bool)
+    row = np.repeat(np.arange(count), pieces.sum(axis=1))
+    number = np.arange(len(row)) - np.repeat(np.cumsum(pieces.sum(axis=1)) - pieces.sum(axis=1), pieces.sum(axis=1))
+    of[row, number] = np.repeat(np.tile(np.arange(parts), count), pieces.reshape(-1))
+    there[row, number] = True
+    every = np.arange(count)[:, None]
+    three, first = at[every, of] & there, there & (np.diff(of, axis=1, prepend=-1) != 0)
+    whole = dt[every, of]
+    beside = BESIDE * whole
+    new = np.where(three, np.where(first, whole - 2 * beside, beside), np.where(there, whole, 0.0))
+    return Divided(new, of, first, ends)
