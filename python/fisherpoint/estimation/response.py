@@ -18,6 +18,7 @@ from ..models import Model
 from ..points.parameter_checks import sensible
 from ..points.run_trajectories import checked_run_sensitivities, checked_run_trajectories
 from ..points.runs import Runs
+from ..points.late_outputs import late_places
 from ..points.schedule import Schedule
 from ..points.settings import Integration, check_rtol, resolve_threads
 from ..points.status import Status
@@ -154,7 +155,8 @@ class RecordResponse:
             kept = status[rows] == Status.ok
             rows, x = rows[kept], x[kept]
         if len(rows):
-            whole = self.model.latches or self.model.updates  # what is remembered, and set anew between pieces
+            # What is remembered, set anew between pieces, or shown later.
+            whole = self.model.latches or self.model.updates or self.model.late_outputs
             follow = self._static if not n_x else self._in_one if whole else self._carried
             dy[rows], status[rows] = follow(theta[rows], x)
         finite = np.isfinite(dy).all(axis=(1, 2, 3))
@@ -194,18 +196,20 @@ class RecordResponse:
             values, n = given[rows], rows.stop - first
             u, dt = (np.repeat(of[None], n, axis=0) for of in (self.record.u[:-1], np.diff(self.record.t)))
             at_samples, options = np.tile(self.record.u, (n, 1)), {"s": np.empty(0), "doubts": True}
-            scheduled = model.delays or model.updates
-            if scheduled:
+            measured = np.zeros(dt.shape, dtype=bool)
+            if scheduled := model.divides_segments:
                 found, inputs = self.record.inputs.scheduled(model, values)
                 u, dt, at_samples, options = found.u, found.dt, inputs.reshape(len(at_samples), -1), options | found.options()
-            measured = np.zeros(dt.shape, dtype=bool)
-            _, _, dx, _, status[rows], _ = model.kernels.run_sensitivities(
-                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, **options
+                measured = found.late.flags(np.ones(found.ends.shape, dtype=bool), dt.shape[1])
+            start = model.at(x[rows, 0], self.record.since[0])
+            _, y, dx, past, status[rows], _ = model.kernels.run_sensitivities(
+                model.core, start, u, dt, values, *self._settings, measured=measured, **options
             )
             dx = dx[np.arange(n)[:, None], found.ends] if scheduled else dx
             s = np.concatenate([np.zeros((n, 1, n_x, dx.shape[3])), dx], axis=1)[..., columns]
             s[..., self._free, len(self.columns) + np.arange(len(self.starts))] += 1.0
-            points = x[rows].reshape(-1, n_x), at_samples, np.repeat(values, samples, axis=0)
+            states = self._shifted.at(x[rows], self.record.since)
+            points = states.reshape(n * samples, -1), at_samples, np.repeat(values, samples, axis=0)
             offsets = np.column_stack([points[2][:, :p], np.zeros((len(points[2]), n_x))])
             g = self._shifted.core.output_jacobian(*points[:2], offsets).reshape(n, samples, -1, p + n_x)
             doubtful = np.isnan(s)
@@ -215,6 +219,12 @@ class RecordResponse:
             # A sample whose outputs feel a jump that is met in its instant has no derivative, and adds no information.
             felt = ((g[..., p:] != 0).astype(float) @ doubtful).any(axis=(-2, -1))
             dy[rows][felt] = 0.0
+            if model.late_outputs:
+                late = found.late.values(model, np.zeros((n, samples - 1, *past.shape[2:])), past, np.zeros(past[:, 0].shape))
+                late = found.late.moved(model, late, y, dt)[..., columns]
+                for i, _, g in late_places(model):
+                    first = (found.late.ends[:, :, g] < 0)[..., None]
+                    dy[rows, 1:, i] = np.where(first, dy[rows, :1, i], late[:, :, i])
         return dy, status
 
     @cached_property
