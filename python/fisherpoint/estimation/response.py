@@ -18,7 +18,7 @@ from ..models import Model
 from ..points.parameter_checks import sensible
 from ..points.run_trajectories import checked_run_sensitivities, checked_run_trajectories
 from ..points.runs import Runs
-from ..points.late_outputs import late_places
+from ..points.late_outputs import Along, late_places
 from ..points.schedule import Schedule
 from ..points.settings import Integration, check_rtol, resolve_threads
 from ..points.status import Status
@@ -202,7 +202,7 @@ class RecordResponse:
                 u, dt, at_samples, options = found.u, found.dt, inputs.reshape(len(at_samples), -1), options | found.options()
                 measured = found.late.flags(np.ones(found.ends.shape, dtype=bool), dt.shape[1])
             start = model.at(x[rows, 0], self.record.since[0])
-            _, y, dx, past, status[rows], _ = model.kernels.run_sensitivities(
+            whole_x, y, dx, past, status[rows], _ = model.kernels.run_sensitivities(
                 model.core, start, u, dt, values, *self._settings, measured=measured, **options
             )
             dx = dx[np.arange(n)[:, None], found.ends] if scheduled else dx
@@ -221,7 +221,8 @@ class RecordResponse:
             dy[rows][felt] = 0.0
             if model.late_outputs:
                 late = found.late.values(model, np.zeros((n, samples - 1, *past.shape[2:])), past, np.zeros(past[:, 0].shape))
-                late = found.late.moved(model, late, y, dt)[..., columns]
+                along = Along(whole_x, y, u, dt, values, self.record.since[0])
+                late = found.late.moved(model, late, along)[..., columns]
                 for i, _, g in late_places(model):
                     first = (found.late.ends[:, :, g] < 0)[..., None]
                     dy[rows, 1:, i] = np.where(first, dy[rows, :1, i], late[:, :, i])

@@ -19,7 +19,7 @@ from ..models import Model
 from ..noise.common_error import CommonError
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
-from ..points.late_outputs import LateEnds
+from ..points.late_outputs import Along, LateEnds
 from ..points.schedule import before_all, output_delays, scheduled_runs
 from ..points.settings import Integration
 from ..points.status import Status, only_finite
@@ -121,7 +121,8 @@ def tangents_from(
     rest = np.flatnonzero(~whole)
     if len(rest):
         from_segment = begin[rest]
-        x0 = model.at(x[rest, from_segment], np.cumsum(runs.dt[rest], axis=1)[np.arange(len(rest)), from_segment - 1])
+        since = np.cumsum(runs.dt[rest], axis=1)[np.arange(len(rest)), from_segment - 1]
+        x0 = model.at(x[rest, from_segment], since)
         s = base.dx[own[rest], from_segment - 1]
         given, number, late, options = _behind(model, runs[rest], values[rest], from_segment)
         new_x, new_y, new_dx, new_dy, status[rest], _ = model.kernels.run_sensitivities(
@@ -137,7 +138,8 @@ def tangents_from(
         shown, slopes = new_y[row, of_ends], new_dy[row, of_ends]
         if late is not None:
             shown = late.values(model, shown, new_y, shown[:, 0])
-            slopes = late.moved(model, late.values(model, slopes, new_dy, slopes[:, 0]), new_y, given[1])
+            along = Along(new_x, new_y, *given, values[rest], since[:, None])
+            slopes = late.moved(model, late.values(model, slopes, new_dy, slopes[:, 0]), along)
         y[rest[k], m], dy[rest[k], m] = shown[k, m], slopes[k, m]
     return RunTangents(runs, values, x, y, dx, dy, status)
 

@@ -1,8 +1,9 @@
 """Outputs that show the states as they were before, as those of a sensor behind a bus: y(t) = g(x(t - tau)).
 
 What a late output shows at the end of a segment is known at the end of an earlier part of the run, to which the run is divided. Up
-to tau it is that of the start. dy/dtheta is that of the part's end, and dy/dtau = -dy/dt there, on the side of larger tau. It
-comes from y at two more ends just before, as the trajectory alone knows along which surfaces it slides, and what latches remember.
+to tau it is that of the start. dy/dtheta is that of the part's end, and dy/dtau = -dy/dt = -(g_x f + g_t) there, on the side of larger
+tau. Where f jumps, the trajectory alone knows along which surfaces it slides, and what latches remember: y at two more ends just
+before shows it.
 """
 
 from __future__ import annotations
@@ -19,17 +20,39 @@ from ..models import Model
 
 Places = NDArray[np.intp]
 
-BESIDE = 1e-5
-"""Distance between the ends of which dy/dt comes, as a share of the part that they are in."""
+BESIDE = 1e-4
+"""Distance between the further ends, as a share of the part that they are in."""
 
-LEAST = 1e-8
-"""Length of a part, as a share of the run, below which dy/dt is that at its start, if nothing switches there."""
+LEAST = 1e-7
+"""Length of a part, as a share of the run, below which further ends are in the one before, if nothing switches between."""
+
+SAME = 1e-2
+"""Share by which dy/dt from the further ends may differ from that of the equations, beside rounding, to be the same."""
+
+ROUNDING = 50 * np.finfo(float).eps
+
+INSTANT = 1e-6
+"""Step in time, as a share of the run, for the derivative of outputs that read the time."""
+
+
+class Along(NamedTuple):
+    """Trajectories at the ends of S parts dt (K, S): x (K, S + 1, n_x), y (K, S, n_y), inputs u (K, S, n_u), theta (K, p).
+
+    They start at the times `since` (K, 1).
+    """
+
+    x: Array
+    y: Array
+    u: Array
+    dt: Array
+    theta: Array
+    since: Array | float = 0.0
 
 
 class LateEnds(NamedTuple):
     """Of K runs with N segments and G different delays: the parts (K, N, G) at whose ends late outputs are known.
 
-    `ends` are -1 at the start. At the end of `slopes` and of the two parts before dy/dt is known.
+    `ends` are -1 at the start. `slopes` is the part whose end, with those of the two before, shows dy/dt where f may jump.
     """
 
     ends: Places
@@ -55,16 +78,48 @@ class LateEnds(NamedTuple):
             shown[:, :, i] = np.where(first, start[:, None, i], y[row, at, i])
         return shown
 
-    def moved(self, model: Model, dy: Array, y: Array, dt: Array) -> Array:
-        """Derivatives (K, N, n_y, p) with what the delay itself moves, of `y` (K, S, n_y) at the ends of the parts dt (K, S)."""
-        row = np.arange(len(dy))[:, None]
-        for i, j, g in late_places(model):
-            if j is not None:
-                at = self.slopes[:, :, g]
-                with np.errstate(all="ignore"):
-                    rate = (3 * y[row, at, i] - 4 * y[row, at - 1, i] + y[row, at - 2, i]) / (2 * dt[row, at])
-                dy[:, :, i, j] -= np.where(self.ends[:, :, g] < 0, 0.0, rate)
+    def moved(self, model: Model, dy: Array, along: Along) -> Array:
+        """Derivatives (K, N, n_y, p) with what the delay itself moves."""
+        for g in sorted({g for _, j, g in late_places(model) if j is not None}):
+            k, n = np.nonzero(self.ends[:, :, g] >= 0)
+            rates = self._rates(model, along, k, self.ends[k, n, g], self.slopes[k, n, g])
+            for i, j, of in late_places(model):
+                if j is not None and of == g:
+                    dy[k, n, i, j] -= rates[:, i]
         return dy
+
+    def _rates(self, model: Model, along: Along, k: Places, at: Places, slopes: Places) -> Array:
+        """dy/dt (R, n_y) at ends of parts, on the side before."""
+        dt, y = along.dt, along.y
+        t = (along.since + np.cumsum(dt, axis=1))[k, at]
+        with np.errstate(all="ignore"):
+            rates = _by_equations(model, along.x[k, at + 1], along.u[k, at], along.theta[k], t, INSTANT * dt.sum(axis=1)[k])
+            if slopes_are_seen(model):
+                step, last, before = dt[k, slopes][:, None], y[k, slopes] - y[k, slopes - 1], y[k, slopes - 1] - y[k, slopes - 2]
+                shown = (3 * last - before) / (2 * step)
+                rounded = ROUNDING * (np.abs(y[k, slopes]) + np.abs(shown) * dt.sum(axis=1)[k][:, None])
+                even = np.abs(last - before) <= SAME * np.abs(last) + rounded
+                other = np.abs(rates - shown) * step > SAME * np.abs(shown) * step + rounded
+                rates = np.where(~np.isfinite(rates) | (other & (even | bool(model.latches))), shown, rates)
+        return np.where(np.isfinite(rates), rates, 0.0)
+
+
+def slopes_are_seen(model: Model) -> bool:
+    """Whether dy/dt of late outputs takes further ends: f alone does not say on which side of a jump a trajectory runs."""
+    return bool(model.late_columns) and bool(model.jumps or model.latches)
+
+
+def _by_equations(model: Model, x: Array, u: Array, theta: Array, t: Array, step: Array) -> Array:
+    """g_x f + g_t (R, n_y) at states x (R, n_x); what reads the time is differentiated by a `step` (R,)."""
+    count, p = theta.shape
+    free, values = _freed(model), np.column_stack([theta, np.zeros_like(x)])
+    g = np.array(free.core.output_jacobian(free.at(x, t), u, values)).reshape(count, len(model.outputs), values.shape[1])[..., p:]
+    f = np.array(model.core.rhs(model.at(x, t), u, theta)).reshape(*x.shape, 1)
+    rates = (g @ f)[..., 0]
+    if model.clock is not None:
+        later, sooner = (np.array(model.core.output(model.at(x, t + by), u, theta)) for by in (step, -step))
+        rates += (later - sooner).reshape(rates.shape) / (2 * step[:, None])
+    return np.asarray(rates)
 
 
 def late_places(model: Model) -> list[tuple[int, int | None, int]]:
@@ -82,10 +137,10 @@ def slopes_at_start(model: Model, x0: Array, u: Array, theta: Array, s: Array) -
     """dy/dtheta (K, n_y, p) at the starts of runs, which move by s (K, n_x, p) with theta, or not if that is empty."""
     count, p = theta.shape
     if not s.size:
-        return np.array(model.core.output_jacobian(model.at(x0, 0.0), u, theta)).reshape(count, -1, p)
+        return np.array(model.core.output_jacobian(model.at(x0, 0.0), u, theta)).reshape(count, len(model.outputs), p)
     free = _freed(model)
     values = np.column_stack([theta, np.zeros_like(x0)])
-    g = np.array(free.core.output_jacobian(free.at(x0, 0.0), u, values)).reshape(count, -1, values.shape[1])
+    g = np.array(free.core.output_jacobian(free.at(x0, 0.0), u, values)).reshape(count, len(model.outputs), values.shape[1])
     return g[..., :p] + g[..., p:] @ s
 
 

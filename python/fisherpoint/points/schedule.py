@@ -22,7 +22,7 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..models.tape.update import UpdateTimes
-from .late_outputs import LateEnds, at_start, divided, late_places, slopes_at_start, sources
+from .late_outputs import Along, LateEnds, at_start, divided, late_places, slopes_are_seen, slopes_at_start, sources
 from .rest_starts import starts_of
 from .runs import Flags, Runs
 from .status import Status
@@ -213,7 +213,7 @@ def scheduled(
     found = Schedule(
         inputs, parts, places_of_ends, *_moved(model, inputs, some, was, places), updates, LateEnds(lates, np.maximum(lates, 0))
     )
-    return _with_slopes(model, found) if model.late_columns else found
+    return _with_slopes(model, found) if slopes_are_seen(model) else found
 
 
 def _with_slopes(model: Model, found: Schedule) -> Schedule:
@@ -298,7 +298,7 @@ def folded(model: Model, runs: Runs, theta: Array, found: Schedule, result: _Res
         if "dy_dtheta" in folds:
             first = slopes_at_start(model, *start, starts_of(model, runs, theta).s)
             dy = found.late.values(model, folds["dy_dtheta"], others["dy_dtheta"], first)
-            folds["dy_dtheta"] = found.late.moved(model, dy, others["y"], found.dt)
+            folds["dy_dtheta"] = found.late.moved(model, dy, Along(result.x, others["y"], found.u, found.dt, start[2]))
     others = folds
     for values in others.values():
         if len(values):
