@@ -46,7 +46,9 @@ def check_late(bench: Bench) -> None:
 def late(run: Run, rng: np.random.Generator) -> tuple[LateRun, Run, Floats]:
     """The run with late outputs; the same without, with its segments divided by hand; and what is shown when."""
     case, runs = run.bench.case, run.runs
-    plain = replace(case, parameter_sizes=(*case.parameter_sizes, case.time), relative_std=(0.0,), log=(False,), outputs=case.states)
+    plain = replace(
+        case, parameter_sizes=(*case.parameter_sizes, case.time), relative_std=(0.0,), log=(False,), outputs=case.states
+    )
     tau, theta = plain.parameters[-1], np.append(run.theta, rng.choice(SHARES) * rng.choice(runs.dt[0]))
     rates, divided = plain.rates, runs
     if case.inputs and rng.integers(2):

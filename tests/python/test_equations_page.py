@@ -124,7 +124,7 @@ MEMORY: dict[str, Callable[[], tuple[fp.SymbolicModel, Callable[[float, float], 
 #: Rows that are refused, with what the message proposes.
 REFUSED = {"floor(x)": "where", "x % a": "where", "x == a": r"abs\(a - b\) < width"}
 REFUSED |= {
-    "delay(x, a)": "no delayed states",
+    "delay(x, a)": "states are delayed in outputs alone",
     "delay(2*u, a)": r"delay\(u, tau\) with an input",
     "u + delay(u, a)": "second input",
 }

@@ -12,8 +12,8 @@ from ..basics.checks import as_float, as_floats_of_shape, by_name, check_type, i
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
-from ..points.natural_sizes import warn_of_small_states
 from ..points.late_outputs import LateEnds, late_places
+from ..points.natural_sizes import warn_of_small_states
 from ..points.schedule import Earlier, Schedule, scheduled
 from ..points.settings import Integration, check_rtol
 from ..points.status import Status
@@ -112,12 +112,13 @@ class RecordInputs(NamedTuple):
     before: Array
     earlier: Earlier | None = None
 
-    def scheduled(self, model: Model, theta: Array) -> tuple[Schedule, Array]:
+    def scheduled(self, model: Model, theta: Array, slopes: bool = False) -> tuple[Schedule, Array]:
         """Segments between all switches for parameters (B, p), up to the last sample, and inputs (B, N, n_u) at the samples."""
         count, row, dt = len(theta), np.arange(len(theta))[:, None], np.diff(self.t)
         dt = np.append(dt, dt[-1:] if len(dt) else 1.0)  # which shows what switches at the last sample
         u, before = (np.broadcast_to(of, (count, *of.shape)) for of in (self.u, self.before))
-        found = scheduled(model, u, np.broadcast_to(dt, (count, len(dt))), before, theta, self.earlier, float(self.t[0]))
+        every, since = np.broadcast_to(dt, (count, len(dt))), float(self.t[0])
+        found = scheduled(model, u, every, before, theta, self.earlier, since, slopes)
         ends = found.ends[:, :-1]
         first = np.concatenate([np.zeros((count, 1), dtype=np.intp), ends + 1], axis=1)
         late = np.arange(found.dt.shape[1]) >= first[:, -1:]

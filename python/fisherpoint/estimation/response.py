@@ -15,10 +15,10 @@ from ..basics.values import Array, IntArray
 from ..data.record import Record
 from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
+from ..points.late_outputs import Along, late_places
 from ..points.parameter_checks import sensible
 from ..points.run_trajectories import checked_run_sensitivities, checked_run_trajectories
 from ..points.runs import Runs
-from ..points.late_outputs import Along, late_places
 from ..points.schedule import Schedule
 from ..points.settings import Integration, check_rtol, resolve_threads
 from ..points.status import Status
@@ -198,7 +198,7 @@ class RecordResponse:
             at_samples, options = np.tile(self.record.u, (n, 1)), {"s": np.empty(0), "doubts": True}
             measured = np.zeros(dt.shape, dtype=bool)
             if scheduled := model.divides_segments:
-                found, inputs = self.record.inputs.scheduled(model, values)
+                found, inputs = self.record.inputs.scheduled(model, values, slopes=True)
                 u, dt, at_samples, options = found.u, found.dt, inputs.reshape(len(at_samples), -1), options | found.options()
                 measured = found.late.flags(np.ones(found.ends.shape, dtype=bool), dt.shape[1])
             start = model.at(x[rows, 0], self.record.since[0])
@@ -223,9 +223,9 @@ class RecordResponse:
                 late = found.late.values(model, np.zeros((n, samples - 1, *past.shape[2:])), past, np.zeros(past[:, 0].shape))
                 along = Along(whole_x, y, u, dt, values, self.record.since[0])
                 late = found.late.moved(model, late, along)[..., columns]
-                for i, _, g in late_places(model):
-                    first = (found.late.ends[:, :, g] < 0)[..., None]
-                    dy[rows, 1:, i] = np.where(first, dy[rows, :1, i], late[:, :, i])
+                for i, _, of in late_places(model):
+                    begins = (found.late.ends[:, :, of] < 0)[..., None]
+                    dy[rows, 1:, i] = np.where(begins, dy[rows, :1, i], late[:, :, i])
         return dy, status
 
     @cached_property

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..noise.common_error import CommonError
+from ..points.late_outputs import Along, LateEnds
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
-from ..points.late_outputs import Along, LateEnds
 from ..points.schedule import before_all, output_delays, scheduled_runs
 from ..points.settings import Integration
 from ..points.status import Status, only_finite
@@ -156,7 +156,7 @@ def _begin(model: Model, runs: Runs, theta: Array, first: NDArray[np.intp]) -> N
         return first
     since = np.cumsum(runs.dt, axis=1)
     shown = np.where(first > 0, since[np.arange(len(runs)), first - 1], 0.0) - output_delays(model, theta, len(runs)).max(axis=1)
-    return np.minimum(first, np.maximum((since <= shown[:, None]).sum(axis=1) - 1, 0))
+    return np.asarray(np.minimum(first, np.maximum((since <= shown[:, None]).sum(axis=1) - 1, 0)))
 
 
 def _behind(
@@ -166,7 +166,7 @@ def _behind(
 
     Where late outputs are known is given by the same numbers.
     """
-    found = scheduled_runs(model, runs, theta)[1] if model.divides_segments else None
+    found = scheduled_runs(model, runs, theta, slopes=True)[1] if model.divides_segments else None
     u, dt = (runs.u, runs.dt) if found is None else (found.u, found.dt)
     ends = np.broadcast_to(np.arange(runs.dt.shape[1]), runs.dt.shape) if found is None else found.ends
     row = np.arange(len(runs))[:, None]

@@ -1,4 +1,4 @@
-"""Dead times of inputs, and delays of outputs: what `delay(u, tau)` in equations says, and the equations with the inputs themselves."""
+"""Dead times of inputs, and delays of outputs: what `delay(u, tau)` in equations says, and the equations without it."""
 
 from __future__ import annotations
 
@@ -99,9 +99,7 @@ def with_late(output: Sequence[Any], equations: Equations, clock: Any) -> list[A
     return [replaced(expression, own[i]) if i in own else expression for i, expression in enumerate(output)]
 
 
-def _without_late(
-    equations: Equations, places: Sequence[str], clocks: Mapping[str, Any]
-) -> tuple[tuple[Any, ...], dict[int, Any]]:
+def _without_late(equations: Equations, places: Sequence[str], clocks: Mapping[str, Any]) -> tuple[tuple[Any, ...], dict[int, Any]]:
     """Outputs in which states stand by themselves, and the delays of those that are late."""
     moving = {symbol.name: symbol for symbol in equations.states} | dict(clocks)
     known = {symbol.name: symbol for symbol in (*equations.parameters, *equations.constants)}

@@ -126,7 +126,9 @@ class SymbolicModel(DescribedModel):
         anew = states_set_anew(resets, names_of(self.states), symbols, clocks, moving)
         limits_along = limits_of(self.along, symbols, self.offsets, moving)
         self._check_outputs(output, symbols)
-        of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
+        of: dict[str, Any] = {
+            kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")
+        }
         values = {symbols[n]: v for n, v in self.constants.items()}
         self._written = Equations(
             tuple(rates),

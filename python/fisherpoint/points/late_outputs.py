@@ -1,9 +1,9 @@
 """Outputs that show the states as they were before, as those of a sensor behind a bus: y(t) = g(x(t - tau)).
 
 What a late output shows at the end of a segment is known at the end of an earlier part of the run, to which the run is divided. Up
-to tau it is that of the start. dy/dtheta is that of the part's end, and dy/dtau = -dy/dt = -(g_x f + g_t) there, on the side of larger
-tau. Where f jumps, the trajectory alone knows along which surfaces it slides, and what latches remember: y at two more ends just
-before shows it.
+to tau it is that of the start. dy/dtheta is that of the part's end, and dy/dtau = -dy/dt = -(g_x f + g_t) there, on the side of
+larger tau. Where f jumps, the trajectory alone knows along which surfaces it slides, and what latches remember: y at two more ends
+just before shows it.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Along(NamedTuple):
 
 
 class LateEnds(NamedTuple):
-    """Of K runs with N segments and G different delays: the parts (K, N, G) at whose ends late outputs are known.
+    """Parts (K, N, G) of runs at whose ends late outputs are known, for each segment and each different delay.
 
     `ends` are -1 at the start. `slopes` is the part whose end, with those of the two before, shows dy/dt where f may jump.
     """
@@ -70,7 +70,7 @@ class LateEnds(NamedTuple):
         return found
 
     def values(self, model: Model, own: Array, y: Array, start: Array) -> Array:
-        """Outputs (K, N, n_y) of which late ones are of `y` (K, S, n_y) and `start` (K, n_y); derivatives, too, with one axis more."""
+        """Outputs (K, N, n_y) of which late ones are of `y` (K, S, n_y) and `start` (K, n_y); or derivatives of all."""
         shown, row = own.copy(), np.arange(len(own))[:, None]
         for i, _, g in late_places(model):
             at = self.ends[:, :, g]
@@ -123,7 +123,7 @@ def _by_equations(model: Model, x: Array, u: Array, theta: Array, t: Array, step
 
 
 def late_places(model: Model) -> list[tuple[int, int | None, int]]:
-    """Of each late output its place, that of its delay among the parameters, if it is one, and among the different delays."""
+    """The place of each late output, that of its delay among the parameters, if it is one, and among the different delays."""
     times, outputs = list(dict.fromkeys(model.late_outputs.values())), names_of(model.outputs)
     return [(outputs.index(y), model.late_columns.get(y), times.index(tau)) for y, tau in model.late_outputs.items()]
 
@@ -149,7 +149,7 @@ def _freed(model: Model) -> Model:
     return model.free_start(*names_of(model.states))
 
 
-class Divided(NamedTuple):
+class DividedParts(NamedTuple):
     """Parts of which some are divided in three: the new parts' lengths dt (K, M), which old one `of` each is, and the new ends."""
 
     dt: Array
@@ -165,7 +165,7 @@ def sources(late: Places, dt: Array, switches: NDArray[np.bool_]) -> Places:
     return np.where(late < 0, late, at - short)
 
 
-def divided(dt: Array, at: NDArray[np.bool_]) -> Divided:
+def divided(dt: Array, at: NDArray[np.bool_]) -> DividedParts:
     """Parts dt (K, S), divided near the ends of those `at` (K, S)."""
     count, parts = dt.shape
     pieces = np.where(at, 3, 1)
@@ -181,4 +181,4 @@ def divided(dt: Array, at: NDArray[np.bool_]) -> Divided:
     whole = dt[every, of]
     beside = BESIDE * whole
     new = np.where(three, np.where(first, whole - 2 * beside, beside), np.where(there, whole, 0.0))
-    return Divided(new, of, first, ends)
+    return DividedParts(new, of, first, ends)

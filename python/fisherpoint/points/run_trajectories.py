@@ -81,7 +81,7 @@ def checked_run_sensitivities(
     With `states_later` points are without dx_dtheta where that takes less time, and have the statuses of those that have one.
     """
     if has_schedule(model, runs):
-        parts, found = scheduled_runs(model, runs, theta)
+        parts, found = scheduled_runs(model, runs, theta, slopes=True)
         return folded(model, runs, theta, found, _run_sensitivities(model, parts, theta, settings, outputs_alone, moved=found))
     return _run_sensitivities(model, runs, theta, settings, outputs_alone, states_later)
 

@@ -96,7 +96,9 @@ def _times(model: Model, times: Iterable[str | float], theta: Array, count: int)
     rows = np.broadcast_to(theta, (count, theta.shape[-1]))
 
     def one(tau: str | float) -> Any:
-        return rows[:, places[tau]] if tau in places else model.constants[tau] if isinstance(tau, str) else tau  # type: ignore[index]
+        if not isinstance(tau, str):
+            return tau
+        return rows[:, places[tau]] if tau in places else model.constants[tau]
 
     return np.array([np.broadcast_to(one(tau), count) for tau in times], dtype=float).reshape(-1, count).T
 
@@ -114,11 +116,19 @@ class Earlier(NamedTuple):
 
 
 def scheduled(
-    model: Model, u: Array, dt: Array, before: Array, theta: Array, earlier: Earlier | None = None, since: float = 0.0
+    model: Model,
+    u: Array,
+    dt: Array,
+    before: Array,
+    theta: Array,
+    earlier: Earlier | None = None,
+    since: float = 0.0,
+    slopes: bool = False,
 ) -> Schedule:
     """Segments of K runs, u (K, N, n_u) and dt (K, N), with parameters (p,) or (K, p), from the time `since` on.
 
-    The inputs before are `earlier`, and `before` (K, n_u) until then.
+    The inputs before are `earlier`, and `before` (K, n_u) until then. With `slopes` there are the ends that those of late outputs
+    take.
     """
     (count, n), places = dt.shape, [names_of(model.inputs).index(name) for name in model.delays]
     tau, there, row = np.maximum(dead_times(model, theta, count), 0.0), dt > 0, np.arange(count)[:, None]
@@ -213,7 +223,7 @@ def scheduled(
     found = Schedule(
         inputs, parts, places_of_ends, *_moved(model, inputs, some, was, places), updates, LateEnds(lates, np.maximum(lates, 0))
     )
-    return _with_slopes(model, found) if slopes_are_seen(model) else found
+    return _with_slopes(model, found) if slopes and slopes_are_seen(model) else found
 
 
 def _with_slopes(model: Model, found: Schedule) -> Schedule:
@@ -230,10 +240,10 @@ def _with_slopes(model: Model, found: Schedule) -> Schedule:
     moved[~new.first] = -1
     if updates.size:
         updates = np.where(new.first, updates[row, new.of], np.int32(0))
-    else:
-        updates = np.zeros((len(at), 0), dtype=np.int32)
     lates = [np.where(of < 0, of, new.ends[row[:, None], np.maximum(of, 0)]) for of in (found.late.ends, slopes)]
-    return Schedule(found.u[row, new.of], new.dt, new.ends[row, found.ends], moved, found.moved_u[row, new.of], updates, LateEnds(*lates))
+    return Schedule(
+        found.u[row, new.of], new.dt, new.ends[row, found.ends], moved, found.moved_u[row, new.of], updates, LateEnds(*lates)
+    )
 
 
 def _update_instants(times: UpdateTimes, ends: Array, since: float) -> Array:
@@ -279,9 +289,9 @@ def inputs_before(model: Model, runs: Runs) -> Array:
     return before
 
 
-def scheduled_runs(model: Model, runs: Runs, theta: Array) -> tuple[Runs, Schedule]:
+def scheduled_runs(model: Model, runs: Runs, theta: Array, slopes: bool = False) -> tuple[Runs, Schedule]:
     """Runs in which every input switches at the ends of segments, measured where the given ones are."""
-    found = scheduled(model, runs.u, runs.dt, inputs_before(model, runs), theta)
+    found = scheduled(model, runs.u, runs.dt, inputs_before(model, runs), theta, slopes=slopes)
     measured = found.measured(model, runs.measured)
     return Runs._of(runs.x0, found.u, found.dt, measured, runs.columns, runs.rests), found
 
