@@ -43,6 +43,7 @@ ALSO = (
     "delay",
     "late",
     "updates",
+    "sampling",
     "shared",
     "noise",
     "runs",

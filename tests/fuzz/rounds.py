@@ -27,6 +27,7 @@ from check_nice import check_nice
 from check_noise import check_noise
 from check_records import check_record
 from check_runs import check_runs
+from check_sampling import check_sampling
 from check_sensitivities import check_sensitivities
 from check_shared import check_shared
 from check_states import check_states
@@ -177,6 +178,7 @@ def checked(case: Case, figures: Figures, levels: Levels | None, only: str) -> l
         "delay": lambda: check_delay(bench),
         "late": lambda: check_late(bench),
         "updates": lambda: check_updates(bench),
+        "sampling": lambda: check_sampling(bench),
         "shared": lambda: check_shared(bench),
         "noise": lambda: check_noise(bench),
         "local": lambda: check_local(bench),

@@ -79,6 +79,9 @@ def saved_cases() -> dict[str, Saved]:
     rig = fp.VirtualRig(one.model, one.prior.mean, {"y": 0.01, "z": 0.02}, seed=1)
     measured = rig.measure(points)
     runs = fp.design_runs(of_runs(), n_runs=2, n_starts=1, n_candidates=10)
+    bounds = {"a": 1.0, "b": (0.5, 1.0), "u": (0.0, 2.0), "dt": 0.2}
+    of_signals = problem(region=fp.RunRegion(bounds, 8, sample_every=0.1, profile={"u": fp.Multisine(2, crest=3.0)}))
+    signals = fp.design_runs(of_signals, n_runs=1, n_starts=1, n_candidates=10)
     u = np.tile([1.0, 1.0, 0.3, 0.3], (1, 10))
     long = fp.VirtualRig(one.model, one.prior.mean, {"y": 0.01, "z": 0.02}).measure(
         fp.Runs(np.array([[1.0, 0.7]]), u, np.full(u.shape, 0.1), np.ones(u.shape, bool))
@@ -138,6 +141,7 @@ def saved_cases() -> dict[str, Saved]:
         "fleet": directory(fp.design_fleet(fleet, ["A", "B"], 2, **of_fleet), "design.json"),
         "pieces": file(pieces),
         "runs": Saved(runs, runs.save, fp.RunDesign.load, "design.json"),
+        "signals": Saved(signals, signals.save, fp.RunDesign.load, "design.json"),
         "sweep": file(fp.sweep(one, (2, 3), cost=fp.Cost(per_experiment=1.0, per_change={"u": 2.0}), **small)),
         "approximate": file(fp.approximate_design(one, candidates)),
         "approximate over the prior": file(

@@ -39,6 +39,7 @@ NAMES = (
     "fleet",
     "pieces",
     "runs",
+    "signals",
     "sweep",
     "approximate",
     "approximate over the prior",

@@ -115,7 +115,7 @@ def holds_of(u: Array, dt: Array, measured: NDArray[np.bool_]) -> Holds:
     every, parts = np.full(len(dt), np.nan), []
     for k, n in enumerate(np.count_nonzero(dt, axis=1).tolist()):
         held, durations, flags = u[k, :n], dt[k, :n], measured[k, :n]
-        last = np.append((np.diff(held, axis=0) != 0).any(axis=1), True)
+        last = ~flags | np.append((np.diff(held, axis=0) != 0).any(axis=1), True)  # ends that are not sampled are there to stay
         dense = n >= MANY and flags.sum() >= DENSE * last.sum()
         period = _period(durations, flags) if dense else None
         if period is not None:

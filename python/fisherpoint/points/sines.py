@@ -17,7 +17,7 @@ from ..basics.messages import shown
 from ..basics.values import Array, IntArray
 from .profiles import ActuatorClock, Fact, InputProfile, pair_of, slowing
 
-PER_PERIOD = 8
+PER_PERIOD = 4
 """Segments of the shortest period by default."""
 
 TURN = 2 * np.pi
@@ -73,7 +73,7 @@ class Multisine(_Swings):
     harmonics : int or sequence of int
         How many, 1, 2, ... times the frequency; or which, such as the odd ones (1, 3, 5).
     bandwidth : (float, float), optional
-        Within which all harmonics are, Hz. Default: from one period in a run to eight segments for each period.
+        Within which all harmonics are, Hz. Default: from one period in a run to four segments for each period.
     crest : float, optional
         The largest crest factor: peak over root mean square of a whole period about its mean. Where amplitudes and phases have a
         larger one, they move towards equal amplitudes with Schroeder's phases.
@@ -189,7 +189,7 @@ class Chirp(_Swings):
     Parameters
     ----------
     bandwidth : (float, float), optional
-        Within which both frequencies are, Hz. Default: from one period in a run to eight segments for each period.
+        Within which both frequencies are, Hz. Default: from one period in a run to four segments for each period.
     sweep : {"linear", "logarithmic"}
         How the frequency moves.
 

@@ -183,7 +183,7 @@ def design_runs(
         evaluation=evaluation,
         log_det=-np.inf if search.singular else end.value,
         scenarios=scenarios,
-        ends=tuple(-np.inf if search.singular else found.value for found in search.ends),
+        ends=tuple(-np.inf if search.singular else found.value + (end.value - search.best.value) for found in search.ends),
         again=search.again,
         feasibility=end.tried,
         stop_reason=stop_reason,
@@ -241,12 +241,13 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
             same = found is search.best
             own = runs if same else search.planned(found)
             of_plants = tried if same else on_unseen(own)
-            classical[name] = ClassicalRuns(value if same else found.value, of_plants.share)
+            of_all = search.worth_of_all_samples(own, value if same else found.value)
+            classical[name] = ClassicalRuns(of_all, of_plants.share)
             if found.value > value and of_plants.share >= tried.share:
                 z, runs, value, tried = found.z, own, found.value, of_plants
     except KeyboardInterrupt:
         reason = StopReason.interrupted
-    return _End(z, search.sampled(runs), value, tried, classical, reason)
+    return _End(z, search.sampled(runs), search.worth_of_all_samples(runs, value), tried, classical, reason)
 
 
 def _refuse(what: str, directions: Sequence[Mapping[str, float]], help_: str) -> None:

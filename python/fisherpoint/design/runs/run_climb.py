@@ -31,6 +31,8 @@ class Climb:
     others : callable
         Free numbers (K, d) of good runs; single changes copy parts of them.
     rng : numpy.random.Generator
+    kappa : float, optional
+        The distance from limits to begin with; that of the guard by default.
 
     Attributes
     ----------
@@ -49,11 +51,12 @@ class Climb:
         chosen: Callable[[Array], NDArray[np.bool_] | None],
         others: Callable[[], Array],
         rng: np.random.Generator,
+        kappa: float | None = None,
     ) -> None:
         self._tuning = objective.tuning
         self._objective, self._tried, self._chosen, self._others, self._rng = objective, tried, chosen, others, rng
         self._z, self._selected, self._reach, self._value = z, chosen(z), self._tuning.ascent.first_reach, -np.inf
-        self._kappa = self._best_kappa = guard.first
+        self._kappa = self._best_kappa = guard.first if kappa is None else kappa
         self._margin, self._lost, self._steps, self._moved = Margin(objective, guard), 0, 0, True
         self._explored = guard.first == 0.0 or not objective.margins.exist
         self.best: ReachedRuns | None = None

@@ -14,6 +14,7 @@ from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
 from ..goal.estimable_space import RIDGE, SINGULAR
 from .run_clock import OutOfTime
+from .run_feasibility import RunGuard
 from .run_objective import Judged, Lasted, RunObjective
 from .run_profiles import Profile, draw_runs
 from .run_repair import brought_within, first_within
@@ -176,21 +177,29 @@ class RunPool:
         """The held segments of the runs that say most, each by itself, whatever they cost."""
         return self._objective.coordinates.held(self._z[np.argsort(-self._values(), kind="stable")[:count]])
 
+    def able(self, guard: RunGuard, count: int) -> NDArray[np.intp]:
+        """Places of those of the `count` best runs, each by itself, that enough plants can run as they are."""
+        order = np.argsort(-self._values(), kind="stable")[:count]
+        shares = guard.each(self._objective.coordinates.held(self._z[order]))
+        return np.asarray(order[[guard.enough(share) for share in shares.tolist()]], dtype=np.intp)
+
     def best_numbers(self, count: int) -> Array:
         """Free numbers (count, d) of the best runs, less what they cost."""
         return self._z[np.argsort(self._judged.costs - self._values(), kind="stable")[:count]]
 
-    def chosen(self, n_runs: int, rng: np.random.Generator, part: int | None = None) -> Array:
+    def chosen(
+        self, n_runs: int, rng: np.random.Generator, part: int | None = None, among: NDArray[np.intp] | None = None
+    ) -> Array:
         """Free numbers of runs of a random part, by exchange: each gives way to the best one beside the others, until none does.
 
-        A random one in `part` of the pool; default: the tuning's.
+        A random one in `part` of the pool; default: the tuning's. Or of those `among` the pool, whatever they cost.
         """
         objective = self._objective
         part = objective.tuning.pool_part if part is None else part
-        some = rng.permutation(len(self._z))[: max(n_runs, -(-len(self._z) // part))]
+        some = rng.permutation(len(self._z))[: max(n_runs, -(-len(self._z) // part))] if among is None else among
         if n_runs == 1 and len(fresh := some[~np.isin(some, self._begun)]):
             some = fresh
-        f, costs = self._judged.matrices[some], self._judged.costs[some]
+        f, costs = self._judged.matrices[some], self._judged.costs[some] * (among is None)
         chosen = rng.integers(len(some), size=n_runs)
         total = f[chosen].sum(axis=0) + objective.previous
         ridge = RIDGE * np.eye(total.shape[-1])

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
+from ...information.fewer_samples import with_fewer_samples
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
 from ...points.profiles import Fact
@@ -98,10 +99,13 @@ class RunSearch:
         self.n_runs = n_runs = settings.n_runs - (0 if kept is None else len(kept))
         self.n_starts, self.seed = settings.n_starts, settings.seed
         self._share_of_plants = settings.goal.share_of_plants
-        self.coordinates = RunCoordinates(region, problem.model)
+        self._whole = self.coordinates = RunCoordinates(region, problem.model)
         self._settings = problem.integration(threads)
         finer = self._settings._replace(rtol=min(self._settings.rtol, tuning.trajectory_rtol))
-        self.objective = RunObjective(problem, self.coordinates, plants, average, previous, criteria, finer, clock, tuning)
+        searched, fewer = with_fewer_samples(problem, region)
+        if searched is not problem:
+            self.coordinates = RunCoordinates(fewer, problem.model)
+        self.objective = RunObjective(searched, self.coordinates, plants, average, previous, criteria, finer, clock, tuning)
         self._rng = np.random.default_rng(self.seed)
         of_search = RunPlants(problem, tuning.plants, np.random.default_rng([self.seed, 1]), self._settings)
         self.guard = RunGuard(of_search, self._share_of_plants, kept, clock, tuning)
@@ -162,7 +166,16 @@ class RunSearch:
 
     def sampled(self, held: Runs) -> Runs:
         """Runs of held segments as they are sampled."""
-        return self.coordinates.sampled(held)[0]
+        return self._whole.sampled(held)[0]
+
+    def worth_of_all_samples(self, held: Runs, value: float) -> float:
+        """What runs of held segments are worth, whose value by the samples of the search is given."""
+        if self.coordinates is self._whole or not np.isfinite(value):
+            return value
+        found = self.objective
+        of = found.plants, found.average, found.previous, found.criteria, found.settings
+        whole = RunObjective(self.problem, self._whole, *of, tuning=self.tuning)
+        return whole.of(whole.judged(TriedRuns(self.sampled(held))))
 
     def signals(self, z: Array) -> Mapping[str, tuple[tuple[Fact, ...], ...]]:
         """The numbers of profiles of runs (L, d), by input."""
@@ -228,6 +241,8 @@ class RunSearch:
         order = np.argsort(-worth, kind="stable")[: self.n_starts]
         ways = self._tried, self._chosen_samples, self._others, self._rng
         self._climbs = [Climb(self.objective, self.guard, starts[k], *ways) for k in order]
+        if (able := self._able_start()) is not None:
+            self._climbs[-1] = Climb(self.objective, self.guard, able, *ways, kappa=self._kappa_of(able))
         self.clock.share = self.tuning.time_shares[2]
         try:
             race(self.objective, self._climbs, report)
@@ -241,6 +256,28 @@ class RunSearch:
             if one.best is not None and one.best.feasible:
                 break  # otherwise another one may come to runs that enough plants can run
         max(self._climbs, key=lambda one: (-np.inf,) if one.best is None else one.best.worth).go_on()
+
+    def _able_start(self) -> Array | None:
+        """Free numbers of the best of the pool's runs that enough plants can run as they are, whatever they pay for limits."""
+        if self.guard.first == 0 or self.region.samples is not None:
+            return None
+        able = self.pool.able(self.guard, self.tuning.most_tightened)
+        if not len(able):
+            return None
+        z = self.pool.chosen(self.n_runs, self._rng, among=able)
+        self._tried(z, None)
+        return z
+
+    def _kappa_of(self, z: Array) -> float:
+        """The distance from limits that runs keep, up to that to begin with: they hardly pay for it."""
+        objective = self.objective
+        for share in (1.0, 0.75, 0.5, 0.25):
+            objective.kappa = share * self.guard.first
+            if objective.judged(objective.tried(z, None)).costs.sum() <= self.tuning.most_start_cost:
+                break
+        else:
+            objective.kappa = 0.0
+        return objective.kappa
 
     def _worth(self, z: Array) -> float:
         return float(self.objective.values(z[None], self._chosen_samples(z))[0])
@@ -283,7 +320,7 @@ class RunSearch:
         objective.kappa = 0.0
 
         def worth(designs: list[Runs]) -> Array:
-            judged = objective.judged(TriedRuns(self.sampled(Runs.join(designs))))
+            judged = objective.judged(TriedRuns(self.coordinates.sampled(Runs.join(designs))[0]))
             shape = len(designs), len(runs)
             total = judged.matrices.reshape(*shape, *judged.matrices.shape[1:]).sum(axis=1) + objective.previous
             return np.where(judged.ok.reshape(shape).all(axis=1), objective.averages(total), -np.inf)
