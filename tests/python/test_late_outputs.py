@@ -260,6 +260,23 @@ def test_records_are_runs(u: str, tau: float) -> None:
     np.testing.assert_allclose(response.dy[0, 1:, :, 5], free.dy_dtheta[0, :, :, 5], atol=1e-7)
 
 
+def test_parts_of_records_show_their_start_up_to_the_delay_and_fits_are_kept(tmp_path: Any) -> None:
+    model, theta = joint(u="delay(u, tau)"), np.append(THETA[:4], 0.05)
+    t, torque = 0.02 * np.arange(40), 1.5 * np.random.default_rng(2).standard_normal((40, 1))
+    done = fp.simulate_record(model, t, torque, theta, [0.0, 0.0], rtol=1e-9)
+    record = fp.Record(t, torque, done.y, x0={"q": 0.0, "w": 0.0})
+    found = RecordResponse(model, record[9:30], range(5), 1e-9)(theta[None], done.x[9:10])
+    np.testing.assert_allclose(found.y[0, 3:], done.y[12:30], atol=1e-9)
+    np.testing.assert_allclose(found.y[0, :3, 0], done.x[9, 0], atol=1e-12)
+    record.to_csv(tmp_path / "record.csv", model)
+    again = fp.Record.from_csv(tmp_path / "record.csv", model)
+    start = dict(zip(JOINT["parameters"], theta, strict=True)) | {"tau": 0.045}
+    fit = fp.estimate(model, again, start=start, noise={"q": 1e-3, "w": 1e-2, "z": 1e-2})
+    assert fit.estimate["tau"] == pytest.approx(0.05, abs=1e-5)
+    fit.save(tmp_path / "fit")
+    assert fp.Fit.load(tmp_path / "fit").model == model
+
+
 def test_the_delay_of_a_sensor_is_found_to_a_tenth_of_a_sample() -> None:
     rng, samples, model = np.random.default_rng(1), 1500, joint()
     t = 1e-3 * np.arange(samples)

@@ -190,7 +190,8 @@ class RecordResponse:
         columns = np.concatenate([self.columns, p + np.arange(len(self.starts))])
         dy, status = np.empty((count, samples, len(model.outputs), len(columns))), np.empty(count, dtype=np.int32)
         given = np.column_stack([theta, np.zeros((count, len(self.starts)))])
-        each = max(1, _MOST // (samples * n_x * given.shape[1]))
+        parts = samples * (4 if model.late_outputs else 1)
+        each = max(1, _MOST // (parts * n_x * given.shape[1]))
         for first in range(0, count, each):
             rows = slice(first, min(first + each, count))
             values, n = given[rows], rows.stop - first
