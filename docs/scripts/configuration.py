@@ -66,7 +66,7 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "outputs": "The outputs, by name. An output with the name of a state and no equation is that state.",
             "equations": "By name: the rate of each state, and each output that is not simply a state. `t` is the time, where"
             " nothing else has the name; conditions are joined by `and`, `or`, `not`, or by `&`, `|`, `~` with brackets."
-            " `delay(u, tau)` is an input with a [dead time](../how_to/dead_time.md).",
+            " `delay(u, tau)` is an input with a [dead time](../how_to/dead_time.md), and a state in an output that is late.",
             "domain": "Expressions that have to stay positive.",
             "resets": 'By condition, such as `"x < 0"`: the states that get new values where it becomes true, with their equations,'
             ' as `{ v = "-e*v" }`. [What they do](../how_to/models.md#memory-relays-stops-modes). Or by times, such as'

@@ -41,6 +41,7 @@ ALSO = (
     "nice",
     "nice",
     "delay",
+    "late",
     "updates",
     "sampling",
     "shared",

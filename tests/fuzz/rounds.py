@@ -21,6 +21,7 @@ from check_covariances import check_covariance
 from check_delay import check_delay
 from check_floats import check_floats
 from check_kinds import check_kinds
+from check_late import check_late
 from check_local import check_local
 from check_nice import check_nice
 from check_noise import check_noise
@@ -175,6 +176,7 @@ def checked(case: Case, figures: Figures, levels: Levels | None, only: str) -> l
         "kinds": lambda: check_kinds(bench),
         "runs": lambda: check_runs(bench),
         "delay": lambda: check_delay(bench),
+        "late": lambda: check_late(bench),
         "updates": lambda: check_updates(bench),
         "sampling": lambda: check_sampling(bench),
         "shared": lambda: check_shared(bench),

@@ -316,7 +316,11 @@ def test_functions_of_python_delay_inputs_too() -> None:
 @pytest.mark.parametrize(
     ("f", "g", "message"),
     [
-        ("delay(x, tau)", "x", r"equations\.x: expected an input in delay\(\), given the state x: there are no delayed states"),
+        (
+            "delay(x, tau)",
+            "x",
+            r"equations\.x: expected an input in delay\(\), given the state x: states are delayed in outputs",
+        ),
         ("delay(2*u, tau)", "x", r"equations\.x: column 1: expected delay\(u, tau\) with an input and a parameter"),
         ("delay(u, -1)", "x", r"expected delay\(u, tau\) with an input"),
         ("delay(u, k*tau)", "x", r"expected delay\(u, tau\) with an input"),

@@ -124,7 +124,7 @@ MEMORY: dict[str, Callable[[], tuple[fp.SymbolicModel, Callable[[float, float], 
 #: Rows that are refused, with what the message proposes.
 REFUSED = {"floor(x)": "where", "x % a": "where", "x == a": r"abs\(a - b\) < width"}
 REFUSED |= {
-    "delay(x, a)": "no delayed states",
+    "delay(x, a)": "states are delayed in outputs alone",
     "delay(2*u, a)": r"delay\(u, tau\) with an input",
     "u + delay(u, a)": "second input",
 }
@@ -199,6 +199,15 @@ def test_a_row_of_a_dead_time_is_right(name: str) -> None:
     assert str(done.statuses[0]) == "ok"
     assert done.y[0, 1, 0] == pytest.approx(right(late, b), abs=1e-8)
     np.testing.assert_allclose(done.dy_dtheta[0, 1, 0], slopes, rtol=1e-5, atol=1e-6)
+
+
+def test_a_row_of_a_late_output_is_right() -> None:
+    """x' = -b x: a state as it was a before."""
+    done = fp.sensitivities(model("-b*x", "delay(x, a)"), alone(0.2, 3.7), THETA, rtol=1e-10)
+    a, b = THETA["a"], THETA["b"]
+    right = 0.2 * np.exp(-b * (3.7 - a))
+    assert done.y[0, 0] == pytest.approx(right, abs=1e-8)
+    np.testing.assert_allclose(done.dy_dtheta[0, 0], [b * right, -(3.7 - a) * right], rtol=1e-6)
 
 
 @pytest.mark.parametrize("name", ENDS)

@@ -175,6 +175,11 @@ def pieces(
             f"model: expected one without delay(), as windows do not know the inputs before their starts, given {model.name}:"
             " estimate from the record, or from parts of it, record[first:last]"
         )
+    if model.late_outputs:
+        raise ValueError(
+            f"model: expected one without late outputs, as windows do not know the states before their starts, given {model.name}:"
+            " estimate from the record, or from parts of it, record[first:last]"
+        )
     length = check_positive_int(length, "length", LEAST_LENGTH)
     if length > len(record):
         raise ValueError(f"length: expected at most the {len(record)} samples of the record, given {length}")

@@ -12,6 +12,7 @@ from ..basics.checks import as_float, as_floats_of_shape, by_name, check_type, i
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
+from ..points.late_outputs import LateEnds, late_places
 from ..points.natural_sizes import warn_of_small_states
 from ..points.schedule import Earlier, Schedule, scheduled
 from ..points.settings import Integration, check_rtol
@@ -111,18 +112,20 @@ class RecordInputs(NamedTuple):
     before: Array
     earlier: Earlier | None = None
 
-    def scheduled(self, model: Model, theta: Array) -> tuple[Schedule, Array]:
+    def scheduled(self, model: Model, theta: Array, slopes: bool = False) -> tuple[Schedule, Array]:
         """Segments between all switches for parameters (B, p), up to the last sample, and inputs (B, N, n_u) at the samples."""
         count, row, dt = len(theta), np.arange(len(theta))[:, None], np.diff(self.t)
         dt = np.append(dt, dt[-1:] if len(dt) else 1.0)  # which shows what switches at the last sample
         u, before = (np.broadcast_to(of, (count, *of.shape)) for of in (self.u, self.before))
-        found = scheduled(model, u, np.broadcast_to(dt, (count, len(dt))), before, theta, self.earlier, float(self.t[0]))
+        every, since = np.broadcast_to(dt, (count, len(dt))), float(self.t[0])
+        found = scheduled(model, u, every, before, theta, self.earlier, since, slopes)
         ends = found.ends[:, :-1]
         first = np.concatenate([np.zeros((count, 1), dtype=np.intp), ends + 1], axis=1)
         late = np.arange(found.dt.shape[1]) >= first[:, -1:]
         length = int(first.max(initial=1)) if len(self.t) > 1 else 1
         moved = np.where(late[:, :, None], np.int32(-1), found.moved)
-        some = found._replace(dt=np.where(late, 0.0, found.dt), ends=ends, moved=moved)
+        of_late = LateEnds(*(of[:, :-1] for of in found.late))
+        some = found._replace(dt=np.where(late, 0.0, found.dt), ends=ends, moved=moved, late=of_late)
         return some.until(length), found.u[row, first]
 
 
@@ -132,17 +135,18 @@ def record_trajectories(
     """x (B, N, n_x), y (B, N, n_y), status (B,) and last sample reached (B,) for B starts and parameter sets."""
     t, u = held.t, held.u
     count, samples = len(theta), len(t)
-    inputs = np.tile(u, (count, 1))
+    inputs, past = np.tile(u, (count, 1)), dict[int, Array]()
     if not model.states:
         rows = np.repeat(theta, samples, axis=0)
         none, ones = np.empty((count * samples, 0)), np.ones(count * samples)
         _, y, ended, _ = model.kernels.simulate(model.core, none, inputs, ones, rows, *settings)
         x, failed = np.empty((count, samples, 0)), ended.reshape(count, samples)
         status, reached = first_failure(failed), np.full(count, samples - 1)
-    elif model.delays or model.updates:
+    elif model.divides_segments:
         found, at_samples = held.scheduled(model, theta)
         given = model.at(x0, t[0]), found.u, found.dt
         x, status, reached = model.kernels.simulate_runs(model.core, *given, theta, *settings, **found.of_states())
+        past = _late_outputs(model, found, x, u[0], theta, t[0])
         x = x[np.arange(count)[:, None], np.concatenate([np.zeros_like(found.ends[:, :1]), found.ends + 1], axis=1)[:, :samples]]
         reached, inputs = (found.ends < reached[:, None]).sum(axis=1), at_samples.reshape(len(inputs), -1)
     else:
@@ -152,10 +156,24 @@ def record_trajectories(
         y = model.core.output(states, inputs, np.repeat(theta, samples, axis=0))
         failed = np.zeros((count, samples), dtype=np.int32)
     y = y.reshape(count, samples, -1)
+    for i, values in past.items():
+        y[:, 1:, i] = values
     failed[(failed == Status.ok) & ~(np.isfinite(y).all(axis=2) & np.isfinite(x).all(axis=2))] = Status.not_finite
     status = np.where(status == Status.ok, first_failure(failed), status)
     reached = np.minimum(reached, np.argmax(failed != Status.ok, axis=1) - 1, out=reached, where=failed.any(axis=1))
     return np.where(np.isfinite(x), x, 0.0), np.where(np.isfinite(y), y, 0.0), status, np.maximum(reached, 0)
+
+
+def _late_outputs(model: Model, found: Schedule, x: Array, u: Array, theta: Array, since: float) -> dict[int, Array]:
+    """By their places late outputs (B, N - 1) behind the first sample, of states x (B, S + 1, n_x) at the ends of parts."""
+    shown, row = {}, np.arange(len(x))[:, None]
+    t = since + np.concatenate([np.zeros((len(x), 1)), np.cumsum(found.dt, axis=1)], axis=1)
+    for i, _, g in late_places(model):
+        at = found.late.ends[:, :, g] + 1
+        states = model.at(x[row, at], t[row, at]).reshape(at.size, -1)
+        values = model.core.output(states, np.tile(u, (at.size, 1)), np.repeat(theta, at.shape[1], axis=0))
+        shown[i] = np.asarray(values).reshape(*at.shape, -1)[..., i]
+    return shown
 
 
 def first_failure(status: IntArray) -> IntArray:

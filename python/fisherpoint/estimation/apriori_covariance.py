@@ -22,7 +22,8 @@ def apriori_covariance(
 ) -> Array | None:
     """The noise's covariance plus the mean predictive covariance (16) of the points over the prior, (n_y, n_y).
 
-    None where there is no prior of all parameters, where there are records or runs, and where no point has its trajectories.
+    None where there is no prior of all parameters, where there are records or runs, where no point has its trajectories, and for a
+    model with updates or late outputs.
     """
     names = names_of(model.parameters)
     measured = [part for part in data if isinstance(part, Measurements)]
@@ -30,7 +31,7 @@ def apriori_covariance(
         return None
     runs = Measurements.join(measured).runs
     points = runs.points
-    if points is None:
+    if points is None or model.updates or model.late_outputs:
         return None
     first, of = runs.distinct()
     counts = np.bincount(of)

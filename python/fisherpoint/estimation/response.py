@@ -15,6 +15,7 @@ from ..basics.values import Array, IntArray
 from ..data.record import Record
 from ..data.record_trajectory import first_failure, record_trajectories
 from ..models import Model
+from ..points.late_outputs import Along, late_places
 from ..points.parameter_checks import sensible
 from ..points.run_trajectories import checked_run_sensitivities, checked_run_trajectories
 from ..points.runs import Runs
@@ -154,7 +155,8 @@ class RecordResponse:
             kept = status[rows] == Status.ok
             rows, x = rows[kept], x[kept]
         if len(rows):
-            whole = self.model.latches or self.model.updates  # what is remembered, and set anew between pieces
+            # What is remembered, set anew between pieces, or shown later.
+            whole = self.model.latches or self.model.updates or self.model.late_outputs
             follow = self._static if not n_x else self._in_one if whole else self._carried
             dy[rows], status[rows] = follow(theta[rows], x)
         finite = np.isfinite(dy).all(axis=(1, 2, 3))
@@ -188,24 +190,27 @@ class RecordResponse:
         columns = np.concatenate([self.columns, p + np.arange(len(self.starts))])
         dy, status = np.empty((count, samples, len(model.outputs), len(columns))), np.empty(count, dtype=np.int32)
         given = np.column_stack([theta, np.zeros((count, len(self.starts)))])
-        each = max(1, _MOST // (samples * n_x * given.shape[1]))
+        parts = samples * (4 if model.late_outputs else 1)
+        each = max(1, _MOST // (parts * n_x * given.shape[1]))
         for first in range(0, count, each):
             rows = slice(first, min(first + each, count))
             values, n = given[rows], rows.stop - first
             u, dt = (np.repeat(of[None], n, axis=0) for of in (self.record.u[:-1], np.diff(self.record.t)))
             at_samples, options = np.tile(self.record.u, (n, 1)), {"s": np.empty(0), "doubts": True}
-            scheduled = model.delays or model.updates
-            if scheduled:
-                found, inputs = self.record.inputs.scheduled(model, values)
-                u, dt, at_samples, options = found.u, found.dt, inputs.reshape(len(at_samples), -1), options | found.options()
             measured = np.zeros(dt.shape, dtype=bool)
-            _, _, dx, _, status[rows], _ = model.kernels.run_sensitivities(
-                model.core, x[rows, 0], u, dt, values, *self._settings, measured=measured, **options
+            if scheduled := model.divides_segments:
+                found, inputs = self.record.inputs.scheduled(model, values, slopes=True)
+                u, dt, at_samples, options = found.u, found.dt, inputs.reshape(len(at_samples), -1), options | found.options()
+                measured = found.late.flags(np.ones(found.ends.shape, dtype=bool), dt.shape[1])
+            start = model.at(x[rows, 0], self.record.since[0])
+            whole_x, y, dx, past, status[rows], _ = model.kernels.run_sensitivities(
+                model.core, start, u, dt, values, *self._settings, measured=measured, **options
             )
             dx = dx[np.arange(n)[:, None], found.ends] if scheduled else dx
             s = np.concatenate([np.zeros((n, 1, n_x, dx.shape[3])), dx], axis=1)[..., columns]
             s[..., self._free, len(self.columns) + np.arange(len(self.starts))] += 1.0
-            points = x[rows].reshape(-1, n_x), at_samples, np.repeat(values, samples, axis=0)
+            states = self._shifted.at(x[rows], self.record.since)
+            points = states.reshape(n * samples, -1), at_samples, np.repeat(values, samples, axis=0)
             offsets = np.column_stack([points[2][:, :p], np.zeros((len(points[2]), n_x))])
             g = self._shifted.core.output_jacobian(*points[:2], offsets).reshape(n, samples, -1, p + n_x)
             doubtful = np.isnan(s)
@@ -215,6 +220,13 @@ class RecordResponse:
             # A sample whose outputs feel a jump that is met in its instant has no derivative, and adds no information.
             felt = ((g[..., p:] != 0).astype(float) @ doubtful).any(axis=(-2, -1))
             dy[rows][felt] = 0.0
+            if model.late_outputs:
+                late = found.late.values(model, np.zeros((n, samples - 1, *past.shape[2:])), past, np.zeros(past[:, 0].shape))
+                along = Along(whole_x, y, u, dt, values, self.record.since[0])
+                late = found.late.moved(model, late, along)[..., columns]
+                for i, _, of in late_places(model):
+                    begins = (found.late.ends[:, :, of] < 0)[..., None]
+                    dy[rows, 1:, i] = np.where(begins, dy[rows, :1, i], late[:, :, i])
         return dy, status
 
     @cached_property

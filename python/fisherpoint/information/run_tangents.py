@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..noise.common_error import CommonError
+from ..points.late_outputs import Along, LateEnds
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
-from ..points.schedule import dead_times, scheduled_runs
+from ..points.schedule import before_all, output_delays, scheduled_runs
 from ..points.settings import Integration
 from ..points.status import Status, only_finite
 from .assumed import Assumed
@@ -105,13 +106,13 @@ def tangents_from(
     model, values = _extended(problem, theta)
     n = runs.dt.shape[1]
     first = np.minimum(runs.first_difference(base.runs, own), runs.segments - 1)
-    whole = (first == 0) | (runs.controlled if runs.rests is not None else False)  # how these start, base.dx may not have all of
+    begin = _begin(model, runs, values, first)
+    whole = (begin == 0) | (runs.controlled if runs.rests is not None else False)  # how these start, base.dx may not have all of
     x, y, dx, dy = _first(base.x, own, n + 1), _first(base.y, own, n), _first(base.dx, own, n), _first(base.dy, own, n)
     status = base.status[own]
     if model.latches:  # what they remember at a sample is not kept
         whole = np.ones_like(whole)
-    if model.delays:
-        whole |= (dead_times(model, values, len(runs)) < 0).any(axis=1)  # which have no trajectory
+    whole |= before_all(model, values, len(runs))  # which have no trajectory
     if whole.any():
         done = checked_run_sensitivities(model, runs[whole], values[whole], settings, outputs_alone=outputs_alone)
         x[whole], y[whole], dy[whole], status[whole] = done.x, done.y, done.dy_dtheta, done.status
@@ -119,20 +120,27 @@ def tangents_from(
             dx[whole] = done.dx_dtheta
     rest = np.flatnonzero(~whole)
     if len(rest):
-        from_segment = first[rest]
-        x0 = model.at(x[rest, from_segment], np.cumsum(runs.dt[rest], axis=1)[np.arange(len(rest)), from_segment - 1])
+        from_segment = begin[rest]
+        since = np.cumsum(runs.dt[rest], axis=1)[np.arange(len(rest)), from_segment - 1]
+        x0 = model.at(x[rest, from_segment], since)
         s = base.dx[own[rest], from_segment - 1]
-        given, number, options = _behind(model, runs[rest], values[rest], from_segment)
+        given, number, late, options = _behind(model, runs[rest], values[rest], from_segment)
         new_x, new_y, new_dx, new_dy, status[rest], _ = model.kernels.run_sensitivities(
             model.core, x0, *given, values[rest], *settings, s=s, outputs_alone=outputs_alone, **options
         )
-        k, m = np.nonzero(number >= 0)
+        row, of_ends = np.arange(len(rest))[:, None], np.maximum(number, 0)
+        behind = np.arange(n) >= first[rest][:, None]
+        k, m = np.nonzero(behind)
         x[rest[k], m + 1] = new_x[k, number[k, m] + 1]
-        k, m = np.nonzero((number >= 0) & (runs.dt[rest] > 0))
-        of = number[k, m]
-        y[rest[k], m], dy[rest[k], m] = new_y[k, of], new_dy[k, of]
+        k, m = np.nonzero(behind & (runs.dt[rest] > 0))
         if not outputs_alone:
-            dx[rest[k], m] = new_dx[k, of]
+            dx[rest[k], m] = new_dx[k, number[k, m]]
+        shown, slopes = new_y[row, of_ends], new_dy[row, of_ends]
+        if late is not None:
+            shown = late.values(model, shown, new_y, shown[:, 0])
+            along = Along(new_x, new_y, *given, values[rest], since[:, None])
+            slopes = late.moved(model, late.values(model, slopes, new_dy, slopes[:, 0]), along)
+        y[rest[k], m], dy[rest[k], m] = shown[k, m], slopes[k, m]
     return RunTangents(runs, values, x, y, dx, dy, status)
 
 
@@ -142,11 +150,23 @@ def _first(values: Array, own: NDArray[np.intp], n: int) -> Array:
     return values[own] if values.shape[1] == n else np.pad(values[own, :n], width)
 
 
+def _begin(model: Model, runs: Runs, theta: Array, first: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The segments (K,) from which on runs are computed, so that outputs are known from `first` on: earlier where they are late."""
+    if not model.late_outputs:
+        return first
+    since = np.cumsum(runs.dt, axis=1)
+    shown = np.where(first > 0, since[np.arange(len(runs)), first - 1], 0.0) - output_delays(model, theta, len(runs)).max(axis=1)
+    return np.asarray(np.minimum(first, np.maximum((since <= shown[:, None]).sum(axis=1) - 1, 0)))
+
+
 def _behind(
     model: Model, runs: Runs, theta: Array, first: NDArray[np.intp]
-) -> tuple[tuple[Array, Array], NDArray[np.intp], dict[str, Any]]:
-    """Segments u and dt of runs from `first` (K,) on, their numbers (K, N) among these, -1 before, and options of the kernel."""
-    found = scheduled_runs(model, runs, theta)[1] if model.delays or model.updates else None
+) -> tuple[tuple[Array, Array], NDArray[np.intp], LateEnds | None, dict[str, Any]]:
+    """Segments u and dt of runs from `first` (K,) on, their numbers (K, N) among these, -1 before, and options of the kernel.
+
+    Where late outputs are known is given by the same numbers.
+    """
+    found = scheduled_runs(model, runs, theta, slopes=True)[1] if model.divides_segments else None
     u, dt = (runs.u, runs.dt) if found is None else (found.u, found.dt)
     ends = np.broadcast_to(np.arange(runs.dt.shape[1]), runs.dt.shape) if found is None else found.ends
     row = np.arange(len(runs))[:, None]
@@ -154,11 +174,10 @@ def _behind(
     number = np.where(np.arange(ends.shape[1]) < first[:, None], -1, ends - begin[:, None])
     places = begin[:, None] + np.arange(dt.shape[1])
     there, places = places < dt.shape[1], np.minimum(places, dt.shape[1] - 1)
-    measured = np.zeros(dt.shape, dtype=bool)
-    k, n = np.nonzero(runs.measured & (number >= 0))
-    measured[k, number[k, n]] = True
-    options = {"measured": measured} | ({} if found is None else found.options((row, places)))
-    return (u[row, places], np.where(there, dt[row, places], 0.0)), number, options
+    flags = runs.measured if found is None else found.measured(model, runs.measured)
+    options = {"measured": flags[row, places] & there} | ({} if found is None else found.options((row, places)))
+    late = found.late.behind(begin[:, None]) if found is not None and model.late_outputs else None
+    return (u[row, places], np.where(there, dt[row, places], 0.0)), number, late, options
 
 
 def _extended(problem: DesignProblem, theta: Array) -> tuple[Model, Array]:

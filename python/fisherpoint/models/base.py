@@ -51,6 +51,8 @@ class Model(ABC):
         The time since the start, where equations read it.
     delays : mapping of input name to str or float
         The dead times of inputs: the name of a parameter or a known constant, or a number, s.
+    late_outputs : mapping of output name to str or float
+        The delays of outputs that show the states as they were before, in the same way.
     latches : int
         How many conditions equations remember, see `fisherpoint.math.latch`.
     """
@@ -71,6 +73,7 @@ class Model(ABC):
     updates: tuple[UpdateTimes, ...] = ()
     along: tuple[str, ...] = ()
     delays: Mapping[str, str | float] = FrozenMapping({})
+    late_outputs: Mapping[str, str | float] = FrozenMapping({})
     offsets: Mapping[str, str] = FrozenMapping({})
     nominal: Mapping[str, float] = FrozenMapping({})
 
@@ -110,8 +113,21 @@ class Model(ABC):
     @property
     def delay_columns(self) -> Mapping[str, int]:
         """Places, among the parameters, of the dead times that are parameters, by the delayed inputs."""
+        return self._columns_of(self.delays)
+
+    @property
+    def late_columns(self) -> Mapping[str, int]:
+        """Places, among the parameters, of the delays that are parameters, by the late outputs."""
+        return self._columns_of(self.late_outputs)
+
+    def _columns_of(self, times: Mapping[str, str | float]) -> Mapping[str, int]:
         places = {name: i for i, name in enumerate(names_of(self.parameters))}
-        return {u: places[tau] for u, tau in self.delays.items() if isinstance(tau, str) and tau in places}
+        return {name: places[tau] for name, tau in times.items() if isinstance(tau, str) and tau in places}
+
+    @property
+    def divides_segments(self) -> bool:
+        """Whether segments of runs are divided, where inputs switch late, states are updated, or late outputs are read."""
+        return bool(self.delays or self.updates or self.late_outputs)
 
     @property
     def axes(self) -> tuple[Quantity, ...]:

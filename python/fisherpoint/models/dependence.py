@@ -77,6 +77,10 @@ class Dependence:
                 old = self._rates[name]
                 self._rates[name] = Equation(old.states, old.parameters | taus, frozenset())
         self._output = dict(zip(outputs, map(read, structure.output), strict=True))
+        late = {outputs[i]: str(tau) for i, tau in structure.equations.late.items()}
+        for name, tau in late.items():
+            of = self._output[name]
+            self._output[name] = Equation(of.states, of.parameters | ({tau} & set(parameters)), of.affine)
         behind = {name: self._states_behind(equation.states) for name, equation in self._output.items()}
         reached = {
             name: equation.parameters.union(*(self._rates[state].parameters for state in behind[name]))
@@ -89,7 +93,7 @@ class Dependence:
         self._seen = frozenset[str]().union(*behind.values())
         self.blocks: tuple[Names, ...] = blocks_of(self)
         equations = structure.equations
-        shown = {value_of(g): name for name, g in reversed(list(zip(outputs, equations.output, strict=True)))}
+        shown = {value_of(g): name for name, g in reversed(list(zip(outputs, equations.output, strict=True))) if name not in late}
         self.shown_states: Mapping[str, str] = FrozenMapping(
             {name: shown[state] for name, state in zip(states, equations.states, strict=True) if state in shown}
         )

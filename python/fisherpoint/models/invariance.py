@@ -30,8 +30,8 @@ def leaves_equations(model: SymbolicModel, theta: Array, change: Array, x: Array
     That is seen at the given states (K, n_x) and inputs (K, n_u), on random sides of all branches.
     """
     equations, moved = model.structure.equations, np.flatnonzero(change)
-    if {equations.parameters[j] for j in moved} & {tau for _, tau in equations.delays}:
-        return False  # in which instants inputs switch, no equation shows
+    if {equations.parameters[j] for j in moved} & {*(tau for _, tau in equations.delays), *equations.late.values()}:
+        return False  # in which instants inputs switch and outputs are read, no equation shows
     own, hidden = equations.states[: x.shape[1]], equations.states[x.shape[1] :]
     branches = Branches((*equations.states, *equations.inputs, *equations.parameters), by_side=True)
     anew = [one for reset in equations.resets for one in (reset.condition, *(value for _, value in reset.values))]

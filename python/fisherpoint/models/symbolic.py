@@ -19,7 +19,7 @@ from ..engine import _core
 from ..engine.levels import Kernels
 from .clock import clock_names, clock_quantity
 from .compiled import CompiledCore, compiled_model
-from .delays import with_delays, without_delays
+from .delays import with_delays, with_late, without_delays
 from .dependence import Dependence
 from .dimensions import is_time, mistakes_in_units, plain_rate_of, rate_of, stated
 from .expressions import symbol
@@ -124,11 +124,11 @@ class SymbolicModel(DescribedModel):
         conditions = [condition_of(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
         moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
         anew = states_set_anew(resets, names_of(self.states), symbols, clocks, moving)
-        read = set().union(*map(symbols_of, (*rates, *output, *conditions, *anew.expressions())))
-        self.clock = next((clock for clock in clocks.values() if clock in read), None)
         limits_along = limits_of(self.along, symbols, self.offsets, moving)
         self._check_outputs(output, symbols)
-        of = {kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")}
+        of: dict[str, Any] = {
+            kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")
+        }
         values = {symbols[n]: v for n, v in self.constants.items()}
         self._written = Equations(
             tuple(rates),
@@ -140,10 +140,13 @@ class SymbolicModel(DescribedModel):
             resets=anew.resets,
             updates=anew.updates,
         )
-        delays, self.equations = without_delays(
-            self._written, [f"equations.{q.name}" for q in self.states] + [*map(self._place_of, self.outputs)]
-        )
+        places = [f"equations.{q.name}" for q in self.states], [*map(self._place_of, self.outputs)]
+        delays, self.equations = without_delays(self._written, *places, clocks)
         self.delays = FrozenMapping(delays)
+        late = {self.outputs[i].name: tau for i, tau in self.equations.late.items()}
+        self.late_outputs = FrozenMapping({name: tau.name if tau.is_Symbol else float(tau) for name, tau in late.items()})
+        read = set().union(*map(symbols_of, (*rates, *self.equations.output, *conditions, *anew.expressions())))
+        self.clock = next((clock for clock in clocks.values() if clock in read), None)
         self.texts = tuple(
             tuple(e if isinstance(e, str) else to_text(new) for e, new in zip(given, news, strict=True))
             for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
@@ -185,8 +188,9 @@ class SymbolicModel(DescribedModel):
         rates = {f"equations.{q.name}": plain_rate_of(q) for q in states}
         clock = [] if self.clock is None else [clock_quantity(self.clock.name)]
         found = mistakes_in_units(both, conditions, rates, (*(q for of in self._quantities() for q in of), *clock))
-        times = [q for q in (*self.parameters, *self.constant_quantities) if q.name in self.delays.values()]
-        return (*found, *(f"{q.name} in {q.unit}, which is no time, is a dead time" for q in times if not is_time(q)))
+        times = {*self.delays.values(), *self.late_outputs.values()}
+        used = [q for q in (*self.parameters, *self.constant_quantities) if q.name in times]
+        return (*found, *(f"{q.name} in {q.unit}, which is no time, is a dead time" for q in used if not is_time(q)))
 
     def warn_of_units(self, stacklevel: int = 2) -> None:
         """Warn of `mistakes_in_units`, where there are any."""
@@ -311,7 +315,8 @@ class SymbolicModel(DescribedModel):
         shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
         shift |= with_delays(self.delays, self.equations.inputs)
         given = (self.equations.rates, self.equations.output, self.equations.conditions)
-        equations = [[replaced(expression, shift) for expression in of] for of in given]
+        f, g, domain = ([replaced(expression, shift) for expression in of] for of in given)
+        equations = f, with_late(g, self.equations, self.clock), domain
         moved = dict(zip(names, offsets, strict=True))
         # A reset sets the state itself, whose offset stays.
         resets = [
@@ -417,20 +422,24 @@ class SymbolicModel(DescribedModel):
         own = {symbol(q.name): q.name for q in self.parameters}
         limits = (limit.expression for limit in self.structure.of_parameters if not limit.pole)
         positive = {own[expression]: 0.0 for expression in limits if expression in own}
-        return FrozenMapping(positive | {self.parameters[j].name: 0.0 for j in self.delay_columns.values()})
+        return FrozenMapping(positive | {self.parameters[j].name: 0.0 for j in self._dead_columns})
 
     def _check_theta(self, rows: Array) -> None:
         self.structure.check_theta(rows)
-        for j in self.delay_columns.values():
+        for j in self._dead_columns:
             if not (given := rows[:, j].min(initial=0.0)) >= 0:
                 raise ValueError(f"{self.parameters[j].name}: expected a dead time of at least 0 s, given {given:g}")
+
+    @property
+    def _dead_columns(self) -> list[int]:
+        return [*self.delay_columns.values(), *self.late_columns.values()]
 
     def _identity(self) -> Hashable:
         equations = self.equations
         described = (self.outputs, tuple(self.constants.items()), frozenset(self.nominal.items()))
         conditions = equations.conditions, equations.along, equations.resets, equations.updates
-        delays = frozenset(self.delays.items())
-        return (self.name, delays, equations.rates, equations.output, *conditions, *self._quantities(), *described)
+        delays = frozenset(self.delays.items()), frozenset(self.late_outputs.items())
+        return (self.name, *delays, equations.rates, equations.output, *conditions, *self._quantities(), *described)
 
     def __reduce__(self) -> tuple[Any, ...]:
         f, g, _ = self.texts

@@ -125,6 +125,9 @@ def predictive_covariance(
         with np.errstate(over="ignore"):  # what overflows is given a status
             scaled = result.dy_dtheta * np.array(list(ordered.std.values()))
         return linearized(scaled, rule.second_moments(ordered, varied), result.status)
+    if model.updates or model.late_outputs:
+        what = "updates" if model.updates else "late outputs"
+        raise ValueError(f"rule: expected LinearizedRule() for a model with {what}, given {type(rule).__name__}")
     nodes = nodes_of(rule, prior, names, varied)
     settings = checked_arguments(model, points, theta, rtol, threads, kinks, jumps, method)
     warn_of_small_states(model, "the starts keep", points.x0)

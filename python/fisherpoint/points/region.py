@@ -106,8 +106,9 @@ class ExperimentRegion:
         Points may start on the surfaces that are `crossed`.
         """
         check_type(model, Model, "model")
-        if model.updates:
-            raise ValueError(f"region: expected a RunRegion for a model with updates, given one of points for {model.name}")
+        if model.updates or model.late_outputs:
+            what = "updates" if model.updates else "late outputs"
+            raise ValueError(f"region: expected a RunRegion for a model with {what}, given one of points for {model.name}")
         check_names(self.bounds, names_of(model.axes), "region")
         refuse_fixed_on_surface(self.bounds, model, crossed)
 

@@ -29,7 +29,7 @@ def checked_sensitivities(
     model: Model, points: Experiments, theta: Array, settings: Integration, outputs_alone: bool = False, states_later: bool = False
 ) -> Sensitivities:
     """Sensitivities of points; sooner without dx_dtheta: with `outputs_alone`, and with `states_later` where it is."""
-    if model.updates:
+    if model.updates or model.late_outputs:
         done = checked_run_sensitivities(model, Runs.of_points(points), theta, settings, outputs_alone)
         dx = done.dx_dtheta[:, 0] if done.dx_dtheta.size else done.dx_dtheta
         return done._replace(x=done.x[:, -1], y=done.y[:, 0], dx_dtheta=dx, dy_dtheta=done.dy_dtheta[:, 0])
@@ -81,7 +81,7 @@ def checked_run_sensitivities(
     With `states_later` points are without dx_dtheta where that takes less time, and have the statuses of those that have one.
     """
     if has_schedule(model, runs):
-        parts, found = scheduled_runs(model, runs, theta)
+        parts, found = scheduled_runs(model, runs, theta, slopes=True)
         return folded(model, runs, theta, found, _run_sensitivities(model, parts, theta, settings, outputs_alone, moved=found))
     return _run_sensitivities(model, runs, theta, settings, outputs_alone, states_later)
 

@@ -12,6 +12,7 @@ there is sampled just before.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -21,6 +22,8 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..models import Model
 from ..models.tape.update import UpdateTimes
+from .late_outputs import Along, LateEnds, at_start, divided, late_places, slopes_are_seen, slopes_at_start, sources
+from .rest_starts import starts_of
 from .runs import Flags, Runs
 from .status import Status
 from .trajectories import Sensitivities, Trajectories
@@ -39,6 +42,7 @@ class Schedule(NamedTuple):
 
     Columns `moved` (K, E, C) of the parameters that move the switch at a segment's start, -1 for none, and the inputs `moved_u`
     (K, E, C, n_u) just before; empty where no dead time is a parameter. The `updates` (K, E) of the starts, as bits, or none.
+    `late`: where the late outputs of each given segment are known.
     """
 
     u: Array
@@ -47,11 +51,20 @@ class Schedule(NamedTuple):
     moved: IntArray
     moved_u: Array
     updates: IntArray
+    late: LateEnds
 
     def until(self, length: int) -> Schedule:
         """The first segments alone."""
-        own = self._asdict() | {"ends": self.ends[:, None]}
-        return Schedule(**{name: of[:, :length] for name, of in own.items()})._replace(ends=self.ends)
+        of_parts = ("u", "dt", "moved", "moved_u", "updates")
+        return self._replace(**{name: getattr(self, name)[:, :length] for name in of_parts})
+
+    def measured(self, model: Model, flags: Flags) -> Flags:
+        """At which ends of parts there are samples, of flags (K, N) of the given segments."""
+        found = self.late.flags(flags, self.dt.shape[1])
+        if len(model.late_outputs) < len(model.outputs):
+            k, n = np.nonzero(flags)
+            found[k, self.ends[k, n]] = True
+        return found
 
     def options(self, rows: Any = slice(None)) -> dict[str, Any]:
         """What the kernel of sensitivities is given of some rows."""
@@ -65,18 +78,34 @@ class Schedule(NamedTuple):
 
 def has_schedule(model: Model, runs: Runs) -> bool:
     """Whether runs have further segments: a single one has no late switch where the inputs before are its own."""
-    return bool(model.updates) or (bool(model.delays) and runs.points is None)
+    return bool(model.updates or model.late_outputs) or (bool(model.delays) and runs.points is None)
 
 
 def dead_times(model: Model, theta: Array, count: int) -> Array:
     """The dead times (K, J) of the delayed inputs, in the order of `Model.delays`, at parameters (p,) or (K, p)."""
-    columns, rows = model.delay_columns, np.broadcast_to(theta, (count, theta.shape[-1]))
+    return _times(model, model.delays.values(), theta, count)
 
-    def known(tau: str | float) -> float:
-        return model.constants[tau] if isinstance(tau, str) else tau
 
-    each = [rows[:, columns[u]] if u in columns else np.full(count, known(tau)) for u, tau in model.delays.items()]
-    return np.stack(each, axis=1).astype(float) if each else np.zeros((count, 0))
+def output_delays(model: Model, theta: Array, count: int) -> Array:
+    """The different delays (K, G) of late outputs at parameters (p,) or (K, p)."""
+    return _times(model, dict.fromkeys(model.late_outputs.values()), theta, count)
+
+
+def _times(model: Model, times: Iterable[str | float], theta: Array, count: int) -> Array:
+    places = {name: j for j, name in enumerate(names_of(model.parameters))}
+    rows = np.broadcast_to(theta, (count, theta.shape[-1]))
+
+    def one(tau: str | float) -> Any:
+        if not isinstance(tau, str):
+            return tau
+        return rows[:, places[tau]] if tau in places else model.constants[tau]
+
+    return np.array([np.broadcast_to(one(tau), count) for tau in times], dtype=float).reshape(-1, count).T
+
+
+def before_all(model: Model, theta: Array, count: int) -> Flags:
+    """Which of K parameters have a delay below zero, for which there is no trajectory."""
+    return np.asarray(((dead_times(model, theta, count) < 0).any(axis=1)) | (output_delays(model, theta, count) < 0).any(axis=1))
 
 
 class Earlier(NamedTuple):
@@ -87,11 +116,19 @@ class Earlier(NamedTuple):
 
 
 def scheduled(
-    model: Model, u: Array, dt: Array, before: Array, theta: Array, earlier: Earlier | None = None, since: float = 0.0
+    model: Model,
+    u: Array,
+    dt: Array,
+    before: Array,
+    theta: Array,
+    earlier: Earlier | None = None,
+    since: float = 0.0,
+    slopes: bool = False,
 ) -> Schedule:
     """Segments of K runs, u (K, N, n_u) and dt (K, N), with parameters (p,) or (K, p), from the time `since` on.
 
-    The inputs before are `earlier`, and `before` (K, n_u) until then.
+    The inputs before are `earlier`, and `before` (K, n_u) until then. With `slopes` there are the ends that those of late outputs
+    take.
     """
     (count, n), places = dt.shape, [names_of(model.inputs).index(name) for name in model.delays]
     tau, there, row = np.maximum(dead_times(model, theta, count), 0.0), dt > 0, np.arange(count)[:, None]
@@ -113,10 +150,16 @@ def scheduled(
     timed = [q for q, one in enumerate(model.updates) if not one.each_segment]
     updated = [_update_instants(model.updates[q], given, since) for q in timed]
 
+    delays = np.maximum(output_delays(model, theta, count), 0.0)
+    shown = ends[:, :, None] - delays[:, None, :]
+    shown = np.where(there[:, :, None] & (shown > rounded[:, :, None]), shown, np.inf)
+    of_late = len(places) + len(model.updates)
+
     # All instants in order, those of the given ends first where they are the same.
     kind = np.concatenate([np.full(n + 1, -1), np.tile(np.arange(len(places)), starts.shape[1])])
     kind = np.concatenate([kind, *(np.full(of.shape[1], len(places) + q) for q, of in zip(timed, updated, strict=True))])
-    instants = np.concatenate([given, late, *updated], axis=1)
+    kind = np.append(kind, np.full(shown[0].size, of_late))
+    instants = np.concatenate([given, late, *updated, shown.reshape(count, -1)], axis=1)
     order = np.argsort(instants, axis=1, kind="stable")
     t = np.take_along_axis(instants, order, axis=1)
     own = kind[order] < 0
@@ -152,7 +195,8 @@ def scheduled(
     for q, one in enumerate(model.updates):
         here = is_given if one.each_segment else at_groups(finite, finite & (of == len(places) + q), False)
         which |= np.where(here, np.int32(1 << q), np.int32(0))
-    kept = (time < np.inf) & (is_given | changed | (which != 0))
+    is_late = finite & (of == of_late)
+    kept = (time < np.inf) & (is_given | changed | (which != 0) | at_groups(is_late, is_late, False))
 
     # Of these alone; the last is the end.
     number = np.cumsum(kept, axis=1) - 1
@@ -172,7 +216,34 @@ def scheduled(
     k, m = np.nonzero(kept & (own_end >= 0))
     places_of_ends[k, own_end[k, m]] = number[k, m] - 1
     updates = np.where(some, which[row, start], np.int32(0)) if model.updates else np.zeros((count, 0), dtype=np.int32)
-    return Schedule(inputs, parts, places_of_ends, *_moved(model, inputs, some, was, places), updates)
+    lates = np.full((count, shown[0].size), -1, dtype=np.intp)
+    k, m = np.nonzero(is_late)
+    lates[k, order[k, m] - (instants.shape[1] - shown[0].size)] = number[k, group[k, m]] - 1
+    lates = lates.reshape(shown.shape)
+    found = Schedule(
+        inputs, parts, places_of_ends, *_moved(model, inputs, some, was, places), updates, LateEnds(lates, np.maximum(lates, 0))
+    )
+    return _with_slopes(model, found) if slopes and slopes_are_seen(model) else found
+
+
+def _with_slopes(model: Model, found: Schedule) -> Schedule:
+    """The schedule with further ends, between which late outputs have slopes."""
+    switches = (np.diff(found.u, axis=1, prepend=found.u[:, :1]) != 0).any(axis=2)
+    if found.updates.size:
+        switches |= found.updates != 0
+    slopes, at = sources(found.late.ends, found.dt, switches), np.zeros(found.dt.shape, dtype=bool)
+    columns = [g for _, j, g in late_places(model) if j is not None]
+    k, n, g = np.nonzero(slopes[:, :, columns] >= 0)
+    at[k, slopes[:, :, columns][k, n, g]] = True
+    new, row = divided(found.dt, at), np.arange(len(at))[:, None]
+    moved, updates = found.moved[row, new.of], found.updates
+    moved[~new.first] = -1
+    if updates.size:
+        updates = np.where(new.first, updates[row, new.of], np.int32(0))
+    lates = [np.where(of < 0, of, new.ends[row[:, None], np.maximum(of, 0)]) for of in (found.late.ends, slopes)]
+    return Schedule(
+        found.u[row, new.of], new.dt, new.ends[row, found.ends], moved, found.moved_u[row, new.of], updates, LateEnds(*lates)
+    )
 
 
 def _update_instants(times: UpdateTimes, ends: Array, since: float) -> Array:
@@ -218,12 +289,10 @@ def inputs_before(model: Model, runs: Runs) -> Array:
     return before
 
 
-def scheduled_runs(model: Model, runs: Runs, theta: Array) -> tuple[Runs, Schedule]:
+def scheduled_runs(model: Model, runs: Runs, theta: Array, slopes: bool = False) -> tuple[Runs, Schedule]:
     """Runs in which every input switches at the ends of segments, measured where the given ones are."""
-    found = scheduled(model, runs.u, runs.dt, inputs_before(model, runs), theta)
-    measured = np.zeros(found.dt.shape, dtype=bool)
-    k, n = np.nonzero(runs.measured)
-    measured[k, found.ends[k, n]] = True
+    found = scheduled(model, runs.u, runs.dt, inputs_before(model, runs), theta, slopes=slopes)
+    measured = found.measured(model, runs.measured)
     return Runs._of(runs.x0, found.u, found.dt, measured, runs.columns, runs.rests), found
 
 
@@ -232,13 +301,20 @@ def folded(model: Model, runs: Runs, theta: Array, found: Schedule, result: _Res
     row, there = np.arange(len(runs))[:, None], runs.dt > 0
     done = there & (found.ends < result.reached[:, None])
     others: dict[str, Array] = {name: getattr(result, name) for name in result._fields if name not in ("x", "status", "reached")}
-    for name, values in others.items():
+    folds = {name: values[row, found.ends] if len(values) else values for name, values in others.items()}
+    if model.late_outputs:
+        start = result.x[:, 0], runs.u[:, 0], np.array(np.broadcast_to(theta, (len(runs), theta.shape[-1])))
+        folds["y"] = found.late.values(model, folds["y"], others["y"], at_start(model, start[0], 0.0, *start[1:]))
+        if "dy_dtheta" in folds:
+            first = slopes_at_start(model, *start, starts_of(model, runs, theta).s)
+            dy = found.late.values(model, folds["dy_dtheta"], others["dy_dtheta"], first)
+            folds["dy_dtheta"] = found.late.moved(model, dy, Along(result.x, others["y"], found.u, found.dt, start[2]))
+    others = folds
+    for values in others.values():
         if len(values):
-            values = values[row, found.ends]
             values[~done] = 0.0
-            others[name] = values
     x = result.x[row, np.concatenate([np.zeros_like(found.ends[:, :1]), found.ends + 1], axis=1)]
-    status = np.where((dead_times(model, theta, len(runs)) < 0).any(axis=1), Status.left_domain, result.status).astype(np.int32)
+    status = np.where(before_all(model, theta, len(runs)), Status.left_domain, result.status).astype(np.int32)
     outside = status != result.status
     done &= ~outside[:, None]
     for values in others.values():

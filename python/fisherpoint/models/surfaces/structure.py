@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -43,6 +43,8 @@ class Equations:
     updates: tuple[Update, ...] = ()
     delays: tuple[tuple[Any, Any], ...] = ()
     """Inputs whose dead times are parameters, and these."""
+    late: Mapping[int, Any] = field(default_factory=dict)
+    """Delays of late outputs, by their places: symbols, or numbers."""
 
 
 def followed(equations: Equations, clock: Any = None) -> Equations:
