@@ -23,8 +23,8 @@ def approach(
 ) -> ReachedRuns:
     """The best runs that enough plants can run on the ways from `best`, which they can, to `targets` (L, d), one after the other.
 
-    Each way is halved so often. All is gone through again from what was found, until that gains less than `least`. `hopeful` says, at
-    little cost, whether free numbers may be worth more than a value.
+    Each way is halved so often. All is gone through again from what was found, until that gains less than `least`. `hopeful` says,
+    at little cost, whether free numbers may be worth more than a value.
     """
     before = -float("inf")
     while best.value > before + least:
