@@ -4,7 +4,7 @@
 # A drive takes a torque every 20 ms over a bus, obeys some milliseconds late, and has an encoder with steps that is read every
 # millisecond. Its friction, its inertia and that dead time are to be known well enough for a simulation, and the load is another
 # one tomorrow. This lesson designs the motion, measures it on a virtual axis, and asks whether the result can be trusted. The code
-# runs in about half a minute.
+# runs in about a minute.
 #
 # ## The axis
 #
