@@ -329,12 +329,12 @@ def test_a_signal_ends_the_compilers_too(sent: int, cache: Path, tmp_path: Path,
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs start with it ignored
     )
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 540  # before the stand-in ends by itself: how busy the machine is decides nothing
     while not (tmp_path / "started").exists() or len((tmp_path / "started").read_text().split()) < 2:
         assert time.monotonic() < deadline
         time.sleep(0.05)
     process.send_signal(sent)
-    told = process.communicate(timeout=60)[1]
+    told = process.communicate(timeout=540)[1]
     assert not cache.exists()
     if sent == signal.SIGINT:
         assert told.strip().endswith("KeyboardInterrupt") and not list(temporary.iterdir())
