@@ -36,6 +36,11 @@ def core_values(program: Program, x: np.ndarray) -> np.ndarray:
         [],
         [],
         *(0, to_core(none), to_core(none), [], [], []),
+        0,
+        to_core(none),
+        to_core(none),
+        [],
+        [],
     )
     return model.output(x, np.empty((len(x), 0)), np.ones((len(x), 1)))
 
