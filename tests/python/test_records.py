@@ -220,7 +220,7 @@ def test_a_record_starts_and_rests_on_a_kink() -> None:
 def test_a_record_that_settles_at_a_kink_goes_on() -> None:
     """Where the level k of the kink is not zero, rounding leaves the state some last bits off it, on either side."""
     lag = fp.SymbolicModel(
-        ["(u - x)/T", "max(x - k, 0)"], ["z"], {"x": "1", "z": "1"}, {"u": "1"}, {"T": "s", "k": "1"}, {"z": "1"}
+        ["(u - x)/T", "max(x - k, 0)"], ["z"], {"x": "1", "z": ("1", 1.0)}, {"u": "1"}, {"T": "s", "k": "1"}, {"z": "1"}
     )
     rng, t = np.random.default_rng(0), np.arange(41.0)
     for _ in range(60):

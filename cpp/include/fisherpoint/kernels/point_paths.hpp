@@ -168,6 +168,9 @@ void for_each_part(double growth, auto&& use) {
   }
 }
 
+// As a share of the duration: shorter than what rounding leaves of it.
+inline constexpr double least_tail = 1e-18;
+
 // For which memory is taken at once.
 inline constexpr std::size_t usual_steps = 64;
 

@@ -115,8 +115,11 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
         if (const double which = lanes_of<P>::get(reset->which, lane); which > 0.0)
           taken.resets.push_back({which, static_cast<int>(lanes_of<P>::get(reset->surface, lane))});
       ++n;
-      const double size = lanes_of<P>::get(step.size, lane);
-      if (size == 0.0) continue;
+      double size = lanes_of<P>::get(step.size, lane);
+      if (size == 0.0) {  // or all that is left behind a surface, which it has come to in the last instant
+        if (taken.runs.empty() || of_lane(step.side, shape.sides, lane) == taken.runs.back().side) continue;
+        size = least_tail * lanes_of<P>::get(pack.dt, lane);
+      }
       for_each_part(lanes_of<P>::get(step.growth, lane), [&](double share) {
         taken.push_back(share * size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane), Steep::no,
                         taken.resets.size());
