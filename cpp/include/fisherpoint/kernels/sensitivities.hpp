@@ -116,8 +116,11 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
           taken.resets.push_back({which, static_cast<int>(lanes_of<P>::get(reset->surface, lane))});
       ++n;
       double size = lanes_of<P>::get(step.size, lane);
-      if (size == 0.0) {  // or all that is left behind a surface, which it has come to in the last instant
-        if (taken.runs.empty() || of_lane(step.side, shape.sides, lane) == taken.runs.back().side) continue;
+      if (size == 0.0) {  // or all that is left behind a jump, which it has come to in the last instant
+        bool met = false;
+        for (int m = 0; m < shape.jumps_end && !taken.runs.empty(); ++m)
+          met = met || lanes_of<P>::get(step.side[m], lane) != taken.runs.back().side[m];
+        if (!met) continue;
         size = least_tail * lanes_of<P>::get(pack.dt, lane);
       }
       for_each_part(lanes_of<P>::get(step.growth, lane), [&](double share) {
