@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 import fisherpoint as fp
 from check_delay import by_hand, check_delay
 from checks import Bench
+from crossing_case import crossing_case
 from figures import Figures
 from fisherpoint.data.pieces import pieces
 from fisherpoint.estimation.response import RecordResponse
@@ -19,7 +19,6 @@ from fisherpoint.information.run_tangents import run_tangents, tangents_from
 from fisherpoint.models.toml_to_model import model_from_toml
 from fisherpoint.points.settings import Integration
 from oracle import Floats
-from random_models import Case
 
 pytestmark = pytest.mark.kernels
 
@@ -148,19 +147,8 @@ def test_resets_relays_and_branches_switch_late_too(rates: list[str], resets: di
 
 @pytest.mark.parametrize("seed", range(6))
 def test_random_models_with_jumps_and_kinks(seed: int) -> None:
-    case = Case(
-        rates=("2*(u1 - sign(x1 - 0.8)*p1*0.5 - x1*x2)", "u2*x1 - p2*max(x2 - 1, 0.2*u1) - 0.3*abs(x1 - u2)"),
-        outputs=("x1 + 0.1*u1", "x2"),
-        state_sizes=(1.0, 1.0),
-        input_sizes=(1.0, 1.0),
-        parameter_sizes=(1.0, 1.0),
-        relative_std=(0.1, 0.1),
-        log=(False, False),
-        seed=seed,
-        grid=bool(seed % 2),
-    )
     figures = Figures()
-    bench = Bench(replace(case, also="delay"), figures)
+    bench = Bench(crossing_case(seed, "delay"), figures)
     check_delay(bench)
     assert not bench.findings and figures.counts["runs compared with segments by hand"] > 0
 

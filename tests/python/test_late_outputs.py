@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 import fisherpoint as fp
 from check_late import check_late, with_ends
 from checks import Bench
+from crossing_case import crossing_case
 from figures import Figures
 from fisherpoint.data.pieces import pieces
 from fisherpoint.estimation.response import RecordResponse
@@ -19,7 +19,6 @@ from fisherpoint.information.run_tangents import run_tangents, tangents_from
 from fisherpoint.models.toml_to_model import model_from_toml
 from fisherpoint.points.settings import Integration
 from oracle import Floats
-from random_models import Case
 from test_dead_time import JOINT, THETA, one_sided
 
 pytestmark = pytest.mark.kernels
@@ -139,19 +138,8 @@ def test_a_joint_that_sticks_shows_no_slope() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_random_models_with_jumps_and_kinks(seed: int) -> None:
-    case = Case(
-        rates=("2*(u1 - sign(x1 - 0.8)*p1*0.5 - x1*x2)", "u2*x1 - p2*max(x2 - 1, 0.2*u1) - 0.3*abs(x1 - u2)"),
-        outputs=("x1 + 0.1*u1", "x2"),
-        state_sizes=(1.0, 1.0),
-        input_sizes=(1.0, 1.0),
-        parameter_sizes=(1.0, 1.0),
-        relative_std=(0.1, 0.1),
-        log=(False, False),
-        seed=seed,
-        grid=bool(seed % 2),
-    )
     figures = Figures()
-    bench = Bench(replace(case, also="late"), figures)
+    bench = Bench(crossing_case(seed, "late"), figures)
     check_late(bench)
     assert not bench.findings and figures.counts["runs compared with states by hand"] > 0
 

@@ -12,13 +12,13 @@ import pytest
 import fisherpoint as fp
 from check_sampling import check_sampling
 from checks import Bench
+from crossing_case import crossing_case
 from figures import Figures
 from fisherpoint.basics.toml_mistakes import ConfigError
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_slopes import linear_rows
 from fisherpoint.points.outside_region import outside
 from fisherpoint.points.run_coordinates import RunCoordinates
-from random_models import Case
 from sampling_cases import joint, objective_of, problem, region
 
 FREE = {"bounds": {"dt": (0.013, 0.021)}}
@@ -349,18 +349,7 @@ def test_slopes_hold_whatever_moves_the_samples(changes: Any) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_random_models_with_jumps_and_kinks_are_the_same_when_sampled(seed: int) -> None:
-    case = Case(
-        rates=("2*(u1 - sign(x1 - 0.8)*p1*0.5 - x1*x2)", "u2*x1 - p2*max(x2 - 1, 0.2*u1) - 0.3*abs(x1 - u2)"),
-        outputs=("x1 + 0.1*u1", "x2"),
-        state_sizes=(1.0, 1.0),
-        input_sizes=(1.0, 1.0),
-        parameter_sizes=(1.0, 1.0),
-        relative_std=(0.1, 0.1),
-        log=(False, False),
-        seed=seed,
-        grid=bool(seed % 2),
-    )
     figures = Figures()
-    bench = Bench(replace(case, also="sampling"), figures)
+    bench = Bench(crossing_case(seed, "sampling"), figures)
     check_sampling(bench)
     assert not bench.findings and figures.counts["runs compared with parts between samples"] > 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,9 @@ from scipy.linalg import expm
 import fisherpoint as fp
 from check_updates import check_updates
 from checks import Bench
+from crossing_case import crossing_case
 from figures import Figures
 from fisherpoint.models.toml_to_model import model_from_toml
-from random_models import Case
 
 pytestmark = pytest.mark.kernels
 
@@ -202,19 +201,8 @@ def test_a_condition_that_an_update_makes_true_sets_states_anew() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_random_models_with_jumps_and_kinks(seed: int) -> None:
-    case = Case(
-        rates=("2*(u1 - sign(x1 - 0.8)*p1*0.5 - x1*x2)", "u2*x1 - p2*max(x2 - 1, 0.2*u1) - 0.3*abs(x1 - u2)"),
-        outputs=("x1 + 0.1*u1", "x2"),
-        state_sizes=(1.0, 1.0),
-        input_sizes=(1.0, 1.0),
-        parameter_sizes=(1.0, 1.0),
-        relative_std=(0.1, 0.1),
-        log=(False, False),
-        seed=seed,
-        grid=bool(seed % 2),
-    )
     figures = Figures()
-    bench = Bench(replace(case, also="updates"), figures)
+    bench = Bench(crossing_case(seed, "updates"), figures)
     check_updates(bench)
     assert not bench.findings and figures.counts["runs compared with updates by hand"] > 0
 

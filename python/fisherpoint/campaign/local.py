@@ -1,4 +1,4 @@
-"""Local parameters in a campaign: of which plant and day each batch is, and what the next one shares with those before."""
+"""Local parameters in a campaign: the plant and the day of each batch, and what the next one shares with those before."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def words_of(problem: DesignProblem) -> tuple[str, ...]:
 
 
 def check_plants(problem: DesignProblem, batches: Sequence[Measurements], data: Measurements) -> None:
-    """Raise where some batches say of which plant they are and others do not."""
+    """Raise where some batches have a label of their plant and others have none."""
     if PLANT not in words_of(problem):
         return
     for k, one in enumerate(batches, 1):

@@ -1,4 +1,4 @@
-"""Labels of data: of which plant, day or batch each point, run or record is."""
+"""Labels of data: the plant, day or batch of each point, run or record."""
 
 from __future__ import annotations
 

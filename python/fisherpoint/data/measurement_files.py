@@ -11,7 +11,7 @@ column             entry
 ``u``, ``dt``      the inputs and the duration
 ``y_q``            an output; empty or nan: not measured. Also ``q``, where no state or input has that name
 ``status``         as `fisherpoint simulate` writes it: a row that is not ok has no outputs
-``plant``, ``day``  labels: of which plant and day the row is; of a run, in its first row at least
+``plant``, ``day``  labels: the plant and the day of the row; of a run, in its first row at least
 ``comment`` ...    `BOOKKEEPING`, not read
 =================  ===================================================================================================
 """

@@ -1,4 +1,4 @@
-"""Points and runs that are planned, of which plant or day each: measurements without their numbers."""
+"""Points and runs that are planned, with the plant or day of each: measurements without their numbers."""
 
 from __future__ import annotations
 
