@@ -106,7 +106,8 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     taken.resets.clear();
     auto reset = integrator.resets().begin();
     auto hold = integrator.holds().begin();
-    std::size_t n = 0;
+    std::size_t n = 0, last = steps.size();  // past the last step that this lane took
+    while (last > 0 && lanes_of<P>::get(steps[last - 1].size, lane) == 0.0) --last;
     for (const auto& step : steps) {
       double instant = 0.0;
       for (; hold != integrator.holds().end() && hold->step <= n; ++hold)
@@ -118,7 +119,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
       double size = lanes_of<P>::get(step.size, lane);
       if (size == 0.0) {  // or all that is left behind a jump, which it has come to in the last instant
         bool met = false;
-        for (int m = 0; m < shape.jumps_end && !taken.runs.empty(); ++m)
+        for (int m = 0; m < shape.jumps_end && n > last && last > 0; ++m)
           met = met || lanes_of<P>::get(step.side[m], lane) != taken.runs.back().side[m];
         if (!met) continue;
         size = least_tail * lanes_of<P>::get(pack.dt, lane);
