@@ -4,6 +4,7 @@
 
 #include "fisherpoint/models/dependence.hpp"
 #include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/numbers/elimination_order.hpp"
 
 namespace fisherpoint {
 
@@ -26,7 +27,13 @@ class StateEquation : public Shape<M> {
       : model_(model), theta_(theta), u_(u), dynamics_(model.dynamics(theta_)) {}
 
   void derivative(const State& x, const Side& side, State& dx) const { dx = to_array<P>(dynamics_(x, u_, side)); }
-  // f_x, row by row, into n_x^2 entries.
+  // Entries of f_x that may differ from zero: all, row by row.
+  static constexpr int slopes() { return sizes<M>::states * sizes<M>::states; }
+  static constexpr std::pair<int, int> slope(int e) { return {e / sizes<M>::states, e % sizes<M>::states}; }
+  // In which order unknowns of systems with f_x, and of the three stages of an implicit step, are eliminated, where it matters.
+  static constexpr const EliminationOrder* order() { return nullptr; }
+  static constexpr const EliminationOrder* stages_order() { return nullptr; }
+  // These entries of f_x.
   void jacobian(const State& x, const Side& side, P* entries) const {
     constexpr int n = sizes<M>::states;
     const auto f = dynamics_(as_variables<0, n, P>(x), u_, side);

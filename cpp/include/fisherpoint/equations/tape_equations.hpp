@@ -55,12 +55,14 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
     rates_.run(x, side);
     for (int i = 0; i < states; ++i) dx[i] = rates_.output(i);
   }
+  int slopes() const { return static_cast<int>(model_.state_entries().size()); }
+  std::pair<int, int> slope(int e) const { return {model_.state_entries()[e].row, model_.state_entries()[e].variable}; }
+  const EliminationOrder* order() const { return model_.order(); }
+  const EliminationOrder* stages_order() const { return model_.stages_order(); }
   void jacobian(const State& x, const Side& side, P* entries) const {
     if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_);
     slopes_->run(x, side);
-    std::fill_n(entries, states * states, P(0.0));
-    int at = 0;
-    for (const auto [i, k] : model_.state_entries()) entries[i * states + k] = slopes_->output(at++);
+    for (int e = 0; e < slopes(); ++e) entries[e] = slopes_->output(e);
   }
   Output output(const State& x) const {
     output_.run(x);

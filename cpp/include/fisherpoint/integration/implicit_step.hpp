@@ -11,12 +11,13 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "fisherpoint/integration/radau.hpp"
 #include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/numbers/eigenvalues.hpp"
-#include "fisherpoint/numbers/elimination.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
+#include "fisherpoint/numbers/linear_system.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
@@ -61,7 +62,19 @@ class ImplicitStep {
 
  public:
   explicit ImplicitStep(const Equation& f)
-      : f_(f), n_(f.states), real_(n_), complex_(n_), right_(n_), right_complex_(n_), signs_(2 * n_), known_(2 * n_, P(1.0)) {
+      : f_(f),
+        n_(f.states),
+        real_(n_, f.order()),
+        complex_(n_, f.order()),
+        right_(n_),
+        right_complex_(n_),
+        signs_(2 * n_),
+        known_(2 * n_, P(1.0)) {
+    for (int e = 0; e < f.slopes(); ++e) {
+      const auto [i, k] = f.slope(e);
+      entries_.push_back({i, k, real_.place(i, k)});
+    }
+    for (int i = 0; i < n_; ++i) diagonal_.push_back(real_.place(i, i));
     for (auto* increments : {&z_, &w_, &f_z_, &cubic_})
       for (auto& values : *increments) values.assign(n_, P(0.0));
     fit(at_, f.states);
@@ -71,7 +84,7 @@ class ImplicitStep {
       fit(place->side, f.sides);
       place->x.fill(P(std::numeric_limits<double>::quiet_NaN()));
       place->side.fill(P(0.0));
-      place->f_x.assign(n_ * n_, P(0.0));
+      place->f_x.assign(entries_.size(), P(0.0));
     }
   }
 
@@ -81,13 +94,10 @@ class ImplicitStep {
              const P& sharper = P(1.0)) {
     step_ = select(lanes, step, P(0.0));
     linearise_start(lanes, y, side);
-    for (int i = 0; i < n_; ++i)
-      for (int k = 0; k < n_; ++k) {
-        const P entry = coupling(start_, i, k);
-        const P diagonal(i == k ? 1.0 : 0.0);
-        real_(i, k) = Radau::real * diagonal + entry;
-        complex_(i, k) = {Radau::part_re * diagonal + entry, Radau::part_im * diagonal};
-      }
+    set_up_real(start_);
+    complex_.clear();
+    for (const int place : diagonal_) complex_.at(place) = {P(Radau::part_re), P(Radau::part_im)};
+    for (std::size_t e = 0; e < entries_.size(); ++e) complex_.at(entries_[e].place).re += coupling(start_, e);
     real_.factorise();
     complex_.factorise();
     begin_iteration();
@@ -125,8 +135,7 @@ class ImplicitStep {
     end_.x = y;
     end_.side = side;
     f_.jacobian(y, side, end_.f_x.data());
-    for (int i = 0; i < n_; ++i)
-      for (int k = 0; k < n_; ++k) real_(i, k) = P(i == k ? Radau::real : 0.0) + coupling(end_, i, k);
+    set_up_real(end_);
     real_.factorise();
     f_.derivative(y, side, rate_);
     for (int i = 0; i < n_; ++i) right_[i] = f_.inverse_scale(i) * (step_ * (rate_[i] - slope(i, 1.0)));
@@ -182,11 +191,16 @@ class ImplicitStep {
   struct Linearised {
     State x;
     Side side;
-    ShelfVector<P> f_x;
+    ShelfVector<P> f_x;  // entries
   };
   // -h f_x, in units of the scales.
-  P coupling(const Linearised& at, int i, int k) const {
-    return -(step_ * at.f_x[i * n_ + k] * (f_.inverse_scale(i) * scale(k)));
+  P coupling(const Linearised& at, std::size_t e) const {
+    return -(step_ * at.f_x[e] * (f_.inverse_scale(entries_[e].row) * scale(entries_[e].column)));
+  }
+  void set_up_real(const Linearised& at) {
+    real_.clear();
+    for (const int place : diagonal_) real_.at(place) = P(Radau::real);
+    for (std::size_t e = 0; e < entries_.size(); ++e) real_.at(entries_[e].place) += coupling(at, e);
   }
   Mask is_at(const Linearised& place, const State& x, const Side& side) const {
     Mask same = !Lanes::none();
@@ -200,7 +214,7 @@ class ImplicitStep {
     if (any(lanes & !again & !goes_on)) {
       f_.jacobian(y, side, start_.f_x.data());
     } else if (any(lanes & !again)) {
-      for (int j = 0; j < n_ * n_; ++j) start_.f_x[j] = select(again, start_.f_x[j], end_.f_x[j]);
+      for (std::size_t e = 0; e < entries_.size(); ++e) start_.f_x[e] = select(again, start_.f_x[e], end_.f_x[e]);
     }
     start_.x = y;
     start_.side = side;
@@ -210,26 +224,31 @@ class ImplicitStep {
   // where it is, whatever becomes of others beside it.
   Mask outgrown(const Mask& lanes, const Linearised& at, auto&& moved) {
     real_.signs(signs_.data());
-    Mask unlike = Lanes::none();
+    std::fill_n(&signs_[n_], n_, P(1.0));
+    for (std::size_t e = 0; e < entries_.size(); ++e)
+      if (const auto [i, k, place] = entries_[e]; i == k)
+        signs_[n_ + i] = select(Radau::real + coupling(at, e) < P(0.0), P(-1.0), P(1.0));
+    Mask unlike = real_.weak();
     for (int i = 0; i < n_; ++i) {
-      signs_[n_ + i] = select(Radau::real + coupling(at, i, i) < P(0.0), P(-1.0), P(1.0));
       unlike = unlike | (signs_[i] * known_[i] < P(0.0)) | (signs_[n_ + i] * known_[n_ + i] < P(0.0));
     }
     unlike = unlike & lanes;
     return any(unlike) ? counted(unlike, at, moved) : unlike;
   }
   [[gnu::noinline]] Mask counted(const Mask& lanes, const Linearised& at, auto&& moved) {
-    ShelfVector<P> matrix(n_ * n_);
+    ShelfVector<P> matrix(n_ * n_, P(0.0));
+    ShelfVector<Mask> rests(n_);
     Mask any_rests = Lanes::none();
     for (int i = 0; i < n_; ++i) {
-      Mask rests = !(abs(moved(i)) > P(0.0));
-      for (int k = 0; k < n_; ++k)
-        if (k != i) rests = rests & !(abs(at.f_x[i * n_ + k]) > P(0.0));
-      any_rests = any_rests | rests;
-      for (int k = 0; k < n_; ++k) {
-        const P diagonal(i == k ? Radau::real : 0.0);
-        matrix[i * n_ + k] = select(rests, diagonal, diagonal + coupling(at, i, k));
-      }
+      rests[i] = !(abs(moved(i)) > P(0.0));
+      matrix[i * n_ + i] = P(Radau::real);
+    }
+    for (std::size_t e = 0; e < entries_.size(); ++e)
+      if (const auto [i, k, place] = entries_[e]; i != k) rests[i] = rests[i] & !(abs(at.f_x[e]) > P(0.0));
+    for (const Mask& one : rests) any_rests = any_rests | one;
+    for (std::size_t e = 0; e < entries_.size(); ++e) {
+      P& entry = matrix[entries_[e].row * n_ + entries_[e].column];
+      entry = select(rests[entries_[e].row], entry, entry + coupling(at, e));
     }
     const Mask outgrown = lanes & (eigenvalues_on_left(matrix, n_) > P(0.5));
     const Mask harmless = lanes & !outgrown & !any_rests;
@@ -307,8 +326,13 @@ class ImplicitStep {
   int n_;
   P step_{0.0}, last_step_{0.0};
   Mask solved_ = Lanes::none(), unknown_ = Lanes::none();
-  Elimination<P> real_;
-  Elimination<Complex<P>> complex_;
+  LinearSystem<P> real_;
+  LinearSystem<Complex<P>> complex_;
+  struct EntryOfSlopes {
+    int row, column, place;  // in both systems
+  };
+  std::vector<EntryOfSlopes> entries_;
+  std::vector<int> diagonal_;
   Linearised start_, end_;  // of the step
   ShelfVector<P> right_;
   ShelfVector<Complex<P>> right_complex_;

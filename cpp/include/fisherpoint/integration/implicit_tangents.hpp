@@ -5,12 +5,14 @@
 #pragma once
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 #include "fisherpoint/equations/state_equation.hpp"
 #include "fisherpoint/integration/implicit_step.hpp"
 #include "fisherpoint/integration/tangents.hpp"
 #include "fisherpoint/integration/tolerance.hpp"
-#include "fisherpoint/numbers/elimination.hpp"
+#include "fisherpoint/numbers/linear_system.hpp"
 
 namespace fisherpoint {
 
@@ -33,11 +35,21 @@ class ImplicitTangents {
         states_(states),
         step_(states),
         n_(states.states),
-        system_(stages * n_),
+        system_(stages * n_, states.stages_order()),
         right_(stages * n_),
         start_(n_),
         column_(n_) {
     for (Jacobian<M, P>& jacobian : jacobian_) jacobian.fit_to(f_.dependence);
+    for_each_index(f_.parameters, [&](auto j) {
+      driven_.emplace_back();
+      for_each_variable(f_.dependence.driven(j), [&](auto i) { driven_.back().push_back(i); });
+    });
+    for (int r = 0; r < stages; ++r) {
+      for (int i = 0; i < n_; ++i)
+        for (int q = 0; q < stages; ++q) constants_.push_back({system_.place(r * n_ + i, q * n_ + i), Radau::inverse[r][q]});
+      for_each_by_state(jacobian_[r],
+                        [&](int i, int k, const P&) { places_.push_back(system_.place(r * n_ + i, r * n_ + k)); });
+    }
     fit(rate_, f_.states);
     fit(at_, f_.states);
     fit(side_, f_.sides);
@@ -80,15 +92,7 @@ class ImplicitTangents {
   }
   void for_each_by_theta(const Jacobian<M, P>& jacobian, int j, auto&& use) const {
     int at = f_.dependence.theta_start[j];
-    for (int i = 0; i < n_; ++i)
-      if (drives(j, i)) use(i, jacobian.by_theta[at++]);
-  }
-  bool drives(int j, int i) const {
-    bool found = false;
-    for_each_index(f_.parameters, [&](auto k) {
-      if (k == j) found = (f_.dependence.driven(k) >> i) & 1;
-    });
-    return found;
+    for (const int i : driven_[j]) use(i, jacobian.by_theta[at++]);
   }
 
   double scale(int i) const { return 1.0 / f_.inverse_scale(i); }
@@ -97,14 +101,13 @@ class ImplicitTangents {
   static void raise(P& largest, const P& squared_error) { largest += max(P(0.0), squared_error - largest); }
 
   void set_up(const P& step) {
-    for (int r = 0; r < stages; ++r)
-      for (int i = 0; i < n_; ++i)
-        for (int q = 0; q < stages; ++q)
-          for (int k = 0; k < n_; ++k) system_(r * n_ + i, q * n_ + k) = P(i == k ? Radau::inverse[r][q] : 0.0);
+    system_.clear();
+    for (const auto& [place, value] : constants_) system_.at(place) = P(value);
+    auto place = places_.begin();
     for (int r = 0; r < stages; ++r)
       for_each_by_state(jacobian_[r], [&](int i, int k, const P& entry) {
-        P& place = system_(r * n_ + i, r * n_ + k);
-        place = place - step * entry * (f_.inverse_scale(i) * scale(k));
+        P& of_system = system_.at(*place++);
+        of_system = of_system - step * entry * (f_.inverse_scale(i) * scale(k));
       });
   }
 
@@ -143,8 +146,11 @@ class ImplicitTangents {
   const Plain& states_;
   ImplicitStep<Plain> step_;
   int n_;
-  Elimination<P> system_;
-  ShelfVector<P> right_, start_, column_;  // three stages of a column's gain, its embedded error, and the column
+  LinearSystem<P> system_;
+  std::vector<std::vector<int>> driven_;           // of every parameter, the states whose rates read it
+  std::vector<std::pair<int, double>> constants_;  // places in the system, and what is there where nothing moves
+  std::vector<int> places_;                        // of the entries of f_x, stage by stage
+  ShelfVector<P> right_, start_, column_;          // three stages of a column's gain, its embedded error, and the column
   State rate_, at_;
   Side side_;
   Jacobian<M, P> jacobian_[stages + 1];  // of the stages, then of the step's start

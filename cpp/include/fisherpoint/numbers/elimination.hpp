@@ -2,6 +2,8 @@
 // needs it, and there alone. What is singular gives infinities or NaN.
 #pragma once
 
+#include <algorithm>
+
 #include "fisherpoint/numbers/pack.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
 
@@ -18,6 +20,22 @@ struct Complex {
 };
 
 namespace detail {
+
+template <class T>
+T zero() {
+  if constexpr (requires(T t) { t.im; })
+    return {decltype(T::re)(0.0), decltype(T::im)(0.0)};
+  else
+    return T(0.0);
+}
+template <class Mask, class P>
+P chosen(const Mask& lanes, const P& a, const P& b) {
+  return select(lanes, a, b);
+}
+template <class Mask, class P>
+Complex<P> chosen(const Mask& lanes, const Complex<P>& a, const Complex<P>& b) {
+  return {select(lanes, a.re, b.re), select(lanes, a.im, b.im)};
+}
 
 template <class P>
 struct NumberOf {
@@ -71,6 +89,8 @@ class Elimination {
   explicit Elimination(int n) : n_(n), a_(n * n), place_(n) {}
 
   T& operator()(int i, int k) { return a_[i * n_ + k]; }
+  void clear() { std::fill(a_.begin(), a_.end(), detail::zero<T>()); }
+  T* entries() { return a_.data(); }  // row by row
 
   // Of the matrix as its entries are; they are lost.
   [[gnu::noinline]] void factorise() {

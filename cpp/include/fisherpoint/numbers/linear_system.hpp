@@ -1,0 +1,152 @@
+// Systems of linear equations, A x = b, in every lane: of a matrix with few entries in the order that is given, the same in all
+// lanes (elimination_order.hpp); of a full one, and in the lanes where numbers grow by too much in that order, by rows that
+// change places (elimination.hpp).
+#pragma once
+
+#include <algorithm>
+#include <optional>
+
+#include "fisherpoint/numbers/elimination.hpp"
+#include "fisherpoint/numbers/elimination_order.hpp"
+#include "fisherpoint/numbers/lanes.hpp"
+
+namespace fisherpoint {
+
+// T: a pack, or a complex number of packs.
+template <class T>
+class LinearSystem {
+  using P = typename detail::NumberOf<T>::type;
+  using Mask = mask_of_lanes<P>;
+  // Of the numbers that are added up for an entry, against the largest entry of its row: as many digits are lost.
+  static constexpr double most_growth = 1e4;
+
+ public:
+  // Without an order, of a full matrix (n, n). The order must outlive the system.
+  LinearSystem(int n, const EliminationOrder* order) : n_(n), order_(order) {
+    if (!order_) {
+      full_.emplace(n);
+      return;
+    }
+    numbers_.resize(order_->numbers);
+    given_.resize(order_->numbers);
+    at_.resize(n);
+    largest_.resize(n);
+  }
+
+  void clear() {
+    if (order_)
+      std::fill(given_.begin(), given_.end(), detail::zero<T>());
+    else
+      full_->clear();
+  }
+  // Where an entry of the matrix is, of which the order knows, and the entry.
+  int place(int i, int k) const { return order_ ? order_->number(i, k) : i * n_ + k; }
+  T& at(int place) { return order_ ? given_[place] : full_->entries()[place]; }
+
+  // Of the matrix as its entries are; they are lost.
+  [[gnu::noinline]] void factorise() {
+    if (!order_) return full_->factorise();
+    numbers_ = given_;
+    find_largest();
+    weak_ = lanes_of<P>::none();
+    for (int k = 0; k < n_; ++k) eliminate(order_->pivots[k]);
+    any_weak_ = any(weak_);
+    if (any_weak_) fall_back();
+  }
+
+  // Of a real matrix that is factorised, the sign of its first k + 1 pivots' product, turned where rows were exchanged; for the
+  // last k that of the determinant. Not in the `weak` lanes.
+  void signs(P* out) const {
+    if (!order_) return full_->signs(out);
+    P sign(1.0);
+    for (int k = 0; k < n_; ++k) {
+      sign = select(numbers_[order_->pivots[k].first] < P(0.0), -sign, sign);
+      out[k] = sign;
+    }
+  }
+  // Where rows have changed places though there is an order.
+  const Mask& weak() const { return weak_; }
+
+  // b becomes x.
+  [[gnu::noinline]] void solve(T* b) const {
+    if (!order_) return full_->solve(b);
+    if (any_weak_) {
+      of_weak_.assign(b, b + n_);
+      full_->solve(of_weak_.data());
+    }
+    for (int k = 0; k < n_; ++k) at_[k] = b[order_->pivots[k].row];
+    for (int k = 0; k < n_; ++k) {
+      const auto& pivot = order_->pivots[k];
+      const int m = static_cast<int>(pivot.behind.size());
+      const T* const column = &numbers_[pivot.first] + 1 + m;
+      for (int i = 0; i < m; ++i) at_[pivot.behind[i]] = at_[pivot.behind[i]] - column[i] * at_[k];
+    }
+    for (int k = n_; k-- > 0;) {
+      const auto& pivot = order_->pivots[k];
+      const T* const row = &numbers_[pivot.first];
+      T sum = at_[k];
+      for (int i = 0, m = static_cast<int>(pivot.behind.size()); i < m; ++i) sum = sum - row[1 + i] * at_[pivot.behind[i]];
+      at_[k] = sum * row[0];
+    }
+    for (int k = 0; k < n_; ++k) b[order_->pivots[k].row] = at_[k];
+    for (int i = 0; any_weak_ && i < n_; ++i) b[i] = detail::chosen(weak_, of_weak_[i], b[i]);
+  }
+
+ private:
+  // The largest entry of every row, by places in the order.
+  void find_largest() {
+    for (int k = 0; k < n_; ++k) largest_[k] = detail::magnitude(given_[order_->pivots[k].first]);
+    for (int k = 0; k < n_; ++k) {
+      const auto& pivot = order_->pivots[k];
+      const int m = static_cast<int>(pivot.behind.size());
+      const T* const entry = &given_[pivot.first] + 1;
+      for (int i = 0; i < m; ++i) {
+        P& of_other = largest_[pivot.behind[i]];
+        largest_[k] = max(largest_[k], detail::magnitude(entry[i]));
+        of_other = max(of_other, detail::magnitude(entry[m + i]));
+      }
+    }
+  }
+
+  void eliminate(const EliminationOrder::Pivot& pivot) {
+    const int m = static_cast<int>(pivot.behind.size());
+    T* const diagonal = &numbers_[pivot.first];
+    T *const row = diagonal + 1, *const column = row + m;
+    P in_row = detail::magnitude(*diagonal);
+    weak_ = weak_ | ((in_row <= P(0.0)) & (in_row >= P(0.0)));
+    for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(row[i]));
+    const T inverse = *diagonal = detail::reciprocal(*diagonal);
+    const int* target = pivot.targets.data();
+    for (int i = 0; i < m; ++i) {
+      const T factor = column[i] = column[i] * inverse;
+      weak_ = weak_ | (detail::magnitude(factor) * in_row > most_growth * largest_[pivot.behind[i]]);
+      for (int k = 0; k < m; ++k, ++target) numbers_[*target] = numbers_[*target] - factor * row[k];
+    }
+  }
+
+  [[gnu::cold, gnu::noinline]] void fall_back() {
+    if (!full_) full_.emplace(n_);
+    full_->clear();
+    for (const auto& pivot : order_->pivots) {
+      const int m = static_cast<int>(pivot.behind.size());
+      (*full_)(pivot.row, pivot.row) = given_[pivot.first];
+      for (int k = 0; k < m; ++k) {
+        const int other = order_->pivots[pivot.behind[k]].row;
+        (*full_)(pivot.row, other) = given_[pivot.first + 1 + k];
+        (*full_)(other, pivot.row) = given_[pivot.first + 1 + m + k];
+      }
+    }
+    full_->factorise();
+  }
+
+  int n_;
+  const EliminationOrder* order_;
+  std::optional<Elimination<T>> full_;
+  ShelfVector<T> given_, numbers_;  // entries; once factorised L and U, with the reciprocals of U's diagonal
+  mutable ShelfVector<T> at_, of_weak_;
+  ShelfVector<P> largest_;
+  Mask weak_ = lanes_of<P>::none();
+  bool any_weak_ = false;
+};
+
+}  // namespace fisherpoint
