@@ -78,7 +78,8 @@ void Integrator<Equation, Method>::watch_stiffness(const Mask& taken, const Stat
   stiff_signs_ += select(sign, P(1.0), P(0.0));
   others_ = select(sign, P(0.0), others_ + select(other, P(1.0), P(0.0)));
   stiff_signs_ = select(others_ >= P(most_others), P(0.0), stiff_signs_);
-  const Mask turned = watched & (stiff_signs_ >= P(double(stiff_signs)));
+  const double enough = f_.order() ? stiff_signs_with_order : stiff_signs;
+  const Mask turned = watched & (stiff_signs_ >= P(enough));
   if (any(turned)) set_stiff(stiff_ | turned);
 }
 
