@@ -69,7 +69,7 @@ double difference_of_rows(const M& model, const Start& start, double duration, i
       for_each_variable(equation.dependence.sensitive(), [&](auto i) {
         const double by_row = lanes_of<P>::get(rows[row++].gradient[j], lane);
         double by_column = 0.0;
-        if ((in_column >> i) & 1)
+        if (equation.dependence.depends(i, j))
           by_column = lanes_of<P>::get(tangents.s[equation.dependence.column_start[j] + detail::below(in_column, i)], lane);
         else
           CHECK(by_row == 0.0);

@@ -375,7 +375,7 @@ class Tangents {
       const auto& jacobian = jacobian_[s];
       for_each_variable(rows, [&](auto i) {
         P sum(0.0);
-        if ((driven >> i) & 1) sum = jacobian.by_theta[f_.dependence.drive_at(k, i)];
+        if (detail::has(driven, i)) sum = jacobian.by_theta[f_.dependence.drive_at(k, i)];
         const auto coupled = f_.dependence.coupled(i);
         for_each_variable(both(coupled, rows), [&](auto m) {
           sum += jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, m)] * ahead[m];
@@ -406,7 +406,7 @@ class Tangents {
     const auto& jacobian = jacobian_[s];
     for_each_variable(rows, [&](auto i) {
       P sum(0.0);
-      if ((driven >> i) & 1) sum = jacobian.by_theta[f_.dependence.drive_at(k, i)];
+      if (detail::has(driven, i)) sum = jacobian.by_theta[f_.dependence.drive_at(k, i)];
       const auto coupled = f_.dependence.coupled(i);
       for_each_variable(both(coupled, rows), [&](auto m) {
         sum += jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, m)] * column[m];

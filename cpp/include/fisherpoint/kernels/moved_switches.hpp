@@ -27,7 +27,8 @@ struct MovedStarts {
   std::size_t each = 0;
   const std::int32_t* column = nullptr;  // (count, each)
   const double* rate = nullptr;          // (count, each, n_x)
-  const Variables* slid = nullptr;       // (count, each), the jumps that it slides on before
+  std::size_t jumps = 0;
+  const unsigned char* slid = nullptr;  // (count, each, jumps), whether it slides on them before
 
   bool any_of(std::span<const std::size_t> rows) const {
     for (const std::size_t k : rows)
@@ -39,17 +40,17 @@ struct MovedStarts {
   // jump m that it slides on, but rounding.
   double of(std::size_t k, int j, int i, int m, int n_x) const {
     for (std::size_t e = k * each; e < (k + 1) * each; ++e)
-      if (column[e] == j) return slid[e] >> m & 1 ? 0.0 : rate[e * n_x + i];
+      if (column[e] == j) return static_cast<std::size_t>(m) < jumps && slid[e * jumps + m] ? 0.0 : rate[e * n_x + i];
     return 0.0;
   }
 };
 
 // f at the starts of points[rows[0]], ..., into rate + k * each * n_x, on the sides on which their segments would begin, and
-// the jumps that they slide on into slid + k * each.
+// whether they slide on each of the jumps into slid + k * each * jumps.
 template <class P, class Method, class M>
 void rates_at_starts(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                      std::span<const std::size_t> rows, SegmentEnd* const* ends, const double* came, double* rate,
-                     Variables* slid, std::size_t each) {
+                     unsigned char* slid, std::size_t each) {
   using Equation = StateEquation<M, P>;
   const auto shape = shape_of(model);
   const PointPack<M, P> pack(shape, points, parameters, rows);
@@ -75,9 +76,8 @@ void rates_at_starts(const M& model, const Points& points, const Parameters& par
     equation.derivative(x, side, dx);
   for (int lane = 0; lane < pack.used; ++lane) {
     get_lane(dx, lane, rate + rows[lane] * each * shape.states);
-    Variables& on = slid[rows[lane] * each] = 0;
     for (int m = 0; m < shape.jumps_end; ++m)
-      if (lanes_of<P>::get(side[m], lane) == 0.0) on |= Variables{1} << m;
+      slid[rows[lane] * each * shape.jumps_end + m] = lanes_of<P>::get(side[m], lane) == 0.0;
   }
 }
 

@@ -16,7 +16,6 @@
 namespace fisherpoint {
 
 // Instead of a surface: a limit at which f has a value.
-inline constexpr Variables at_limit = Variables{1} << 63;
 
 // A run of one step onto a surface where f_x has no bounds, or off it, which S takes in its own way (steep_tangents.hpp).
 enum class Steep : char { no, towards, away };
@@ -46,14 +45,17 @@ struct PointPath {
   // grazes one then, or turns twice.
   typename ArraysOf<M, double>::Sides start, other;
   bool ends_on_jump = false, between = false;
-  Variables starts_on = 0;  // surfaces where f_x has no bounds, on which it starts, and `at_limit`
-  double fineness = 1.0;    // of the steps beside these
+  std::vector<int> starts_on;  // kinks where f_x has no bounds, on which it starts
+  bool starts_at_limit = false;
+  double fineness = 1.0;  // of the steps beside these
 
   std::size_t size() const { return sizes.size(); }
+  // Whether f_x has no bounds where it starts.
+  bool starts_steep() const { return starts_at_limit || !starts_on.empty(); }
   PointPath without_steps() const {
     PointPath none;
     none.start = start, none.other = other, none.ends_on_jump = ends_on_jump, none.between = between;
-    none.starts_on = starts_on, none.fineness = fineness;
+    none.starts_on = starts_on, none.starts_at_limit = starts_at_limit, none.fineness = fineness;
     none.resets = resets;
     return none;
   }
@@ -124,7 +126,7 @@ PointPath<M> with_steep_steps(const auto& shape, const auto& dependence, const P
     // Implicit steps that begin where the root balances what drives the trajectory go on from there.
     const bool away =
         !set_anew(run) && (r > 0 ? (!run.implicit || path.runs[r - 1].implicit) && meets(run.side, path.runs[r - 1].side)
-                                 : !run.implicit && path.starts_on != 0);
+                                 : !run.implicit && path.starts_steep());
     const bool towards = r + 1 < path.runs.size() && !set_anew(path.runs[r + 1]) && meets(run.side, path.runs[r + 1].side) &&
                          (!run.implicit || path.runs[r + 1].implicit || is_held(run.side, path.runs[r + 1].side));
     double longest = 0.0, whole = 0.0;
@@ -251,8 +253,7 @@ void note_steep(const auto& shape, const PointPath<M>& path, std::size_t run, in
   if (here.steep == Steep::towards) other = path.runs[run + 1].side;
   if (here.steep == Steep::away && run > 0) other = path.runs[run - 1].side;
   if (here.steep == Steep::away && run == 0)
-    for (int m = 0; m < shape.kinks_end; ++m)
-      if (path.starts_on >> m & 1) other[m] = -here.side[m];
+    for (const int m : path.starts_on) other[m] = -here.side[m];
   set_lane(kind.other, lane, other.data());
 }
 // What is set anew before a step, lane by lane: which states, of one reset after the other, and on which jump.

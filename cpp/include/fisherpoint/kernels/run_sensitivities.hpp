@@ -57,7 +57,8 @@ class RunTeam {
     if (segment_.empty()) begin(shape, runs, start, parameters, out);
     const Points points{segment_.size(), x0_.data(), u_.data(), dt_.data()};
     const Parameters of_pieces{theta_.data(), true};
-    const MovedStarts moved{start.moved.each, moved_by_.data(), rate_.data(), slid_.data()};
+    const MovedStarts moved{start.moved.each, moved_by_.data(), rate_.data(), static_cast<std::size_t>(shape.jumps_end),
+                            slid_.data()};
     const bool dense = DenseOutput::exists(method_of<Method>(tolerance));
     const PieceSamples samples{at_.data(), state_.data(), first_segment_.data(), start.measured, out.x,
                                out.y,      out.dx_dtheta, out.dy_dtheta,         missed_.data()};
@@ -119,7 +120,7 @@ class RunTeam {
     end_.assign(count, SegmentEnd{});
     moved_by_.assign(count * start.moved.each, -1);
     rate_.assign(count * start.moved.each * n_x, 0.0);
-    slid_.assign(count * start.moved.each, 0);
+    slid_.assign(count * start.moved.each * shape.jumps_end, 0);
     paths_.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
       const std::size_t k = first_ + i;
@@ -235,7 +236,7 @@ class RunTeam {
       const Points under{points.count, points.x0, before.data(), points.dt};
       in_packs(Workers(1), switching, lanes_of<P>::width, [&](auto rows) {
         rates_at_starts<P, Method>(model, under, of_pieces, tolerance, rows, ends_.data(), came_.data(), rate_.data() + e * n_x,
-                                   slid_.data() + e, moved.each);
+                                   slid_.data() + e * shape_of(model).jumps_end, moved.each);
       });
     }
   }
@@ -334,7 +335,7 @@ class RunTeam {
   std::vector<unsigned char> stiff_, measured_;
   std::vector<std::int32_t> moved_by_;
   std::vector<double> rate_;
-  std::vector<Variables> slid_;
+  std::vector<unsigned char> slid_;
   std::vector<SegmentEnd> end_;
   std::vector<SegmentEnd*> ends_;
   std::vector<PointPath<M>> paths_;

@@ -130,11 +130,12 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
       });
       if (instant > 0.0) taken.runs.back().instant = instant;
     }
-    taken.starts_on = lanes_of<P>::get(starts_at_limit, lane) ? at_limit : 0;
+    taken.starts_at_limit = lanes_of<P>::get(starts_at_limit, lane);
+    taken.starts_on.clear();
     for_each_index(Count<0>{}, shape.kinks_end, [&](auto m) {
-      if (lanes_of<P>::get(starts_on[m], lane) && taken.runs[0].side[m] != 0.0) taken.starts_on |= Variables{1} << m;
+      if (lanes_of<P>::get(starts_on[m], lane) && taken.runs[0].side[m] != 0.0) taken.starts_on.push_back(m);
     });
-    const bool steep = equation.dependence.any_steep() || taken.starts_on != 0;
+    const bool steep = equation.dependence.any_steep() || taken.starts_steep();
     if (shape.holds_end > shape.jumps_end) taken = held_at_once(shape, taken);
     const bool finer = carried && carried->samples && carried->samples->inside(k) > 0;
     paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken,
@@ -182,7 +183,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   const PointPack<M, P> pack(shape, points, parameters, rows);
   const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
   auto x0 = pack.x0;
-  if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return (paths[k].starts_on & at_limit) != 0; }))
+  if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return paths[k].starts_at_limit; }))
     take_onto_limits(StateEquation<M, P>(model, pack.theta, pack.u), !lanes_of<P>::none(), x0);
   Tangents<M, P, Method> tangents(equation, x0, tolerance);
   for (int lane = 0; carried && lane < pack.used; ++lane) tangents.start(lane, carried->s + rows[lane] * n_x * p);

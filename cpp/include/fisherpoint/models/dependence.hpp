@@ -1,12 +1,14 @@
 // What depends on what in a model: which entries f_x, f_theta and S have at all, whatever the numbers.
 //
-// Of a compiled model the types tell (dual.hpp), so all of this is known to the compiler. Sets of variables are bit masks.
+// Of a compiled model the types tell (dual.hpp), so all of this is known to the compiler. Sets of variables are bit masks; of a
+// tape they may be larger (variable_sets.hpp).
 #pragma once
 
 #include <array>
 #include <bit>
 
 #include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/models/variable_sets.hpp"
 #include "fisherpoint/numbers/dual.hpp"
 
 namespace fisherpoint {
@@ -28,7 +30,6 @@ template <Variables A, Variables B>
 constexpr Set<(A & B)> both(Set<A>, Set<B>) {
   return {};
 }
-constexpr Variables both(Variables a, Variables b) { return a & b; }
 
 namespace detail {
 
@@ -40,6 +41,7 @@ constexpr Variables which(int n, auto&& belongs) {
   return mask;
 }
 
+constexpr bool has(Variables set, int i) { return (set >> i) & 1; }
 // How many of a set are below i.
 constexpr int below(Variables set, int i) { return std::popcount(set & ((Variables{1} << i) - 1)); }
 

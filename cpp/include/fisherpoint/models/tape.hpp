@@ -101,44 +101,48 @@ template <>
 class Dependence<TapeModel> {
  public:
   Dependence(const Shape<TapeModel>& shape, const std::vector<Entry>& rate_entries, Varying varying)
-      : coupled_(shape.states),
-        driven_(shape.parameters),
-        rows_(shape.parameters),
+      : coupled_(shape.states, shape.states),
+        driven_(shape.parameters, shape.states),
+        rows_(shape.parameters, shape.states),
+        row_(shape.states, shape.parameters),
+        sensitive_(1, shape.states),
         surfaces_(shape.surfaces),
         varying_(std::move(varying)) {
-    Masks parameters_read(shape.states);
     for (const auto [i, k] : rate_entries) {
       if (k < shape.states) {
-        coupled_[i] |= Variables{1} << k;
+        coupled_.add(i, k);
       } else {
-        parameters_read[i] |= Variables{1} << (k - shape.states);
-        driven_[k - shape.states] |= Variables{1} << i;
+        row_.add(i, k - shape.states);
+        driven_.add(k - shape.states, i);
       }
     }
-    row_ = detail::reached_parameters(coupled_, parameters_read, shape.states);
-    sensitive_ = detail::which(shape.states, [&](int i) { return row_[i] != 0; });
-    for (int j = 0; j < shape.parameters; ++j) rows_[j] = detail::which(shape.states, [&](int i) { return depends(i, j); });
-    const auto starts = [](const Masks& masks, std::vector<int>& start) {
+    // Which parameters state i depends on in the end: those that f_i reads and those of the states that it reads.
+    for (bool more = true; more;) {
+      more = false;
+      for (int i = 0; i < shape.states; ++i) for_each_variable(coupled_[i], [&](int k) { more = row_.join(i, k) || more; });
+    }
+    for (int i = 0; i < shape.states; ++i) for_each_variable(row_[i], [&](int j) { rows_.add(j, i), sensitive_.add(0, i); });
+    const auto starts = [](const VariableSets& sets, int count, std::vector<int>& start) {
       int at = 0;
-      for (const Variables mask : masks) start.push_back(at), at += std::popcount(mask);
+      for (int set = 0; set < count; ++set) start.push_back(at), at += detail::size_of(sets[set]);
       return at;
     };
-    by_state = starts(coupled_, state_start);
-    by_theta = starts(driven_, theta_start) + 1;
-    in_columns = starts(rows_, column_start);
+    by_state = starts(coupled_, shape.states, state_start);
+    by_theta = starts(driven_, shape.parameters, theta_start) + 1;
+    in_columns = starts(rows_, shape.parameters, column_start);
     varying_outputs = static_cast<int>(std::count(varying_.outputs.begin(), varying_.outputs.end(), true));
     places_kept_.at.resize(rate_entries.size());
     for (const bool constant_slope : varying_.constant_slopes) places_kept_.add(constant_slope);
     changing = places_kept_.changing, constant = places_kept_.constant;
   }
 
-  Variables rows(int j) const { return rows_[j]; }
-  Variables driven(int j) const { return driven_[j]; }
-  Variables driven_in_group(int j) const { return driven_[j]; }
+  VariableSet rows(int j) const { return rows_[j]; }
+  VariableSet driven(int j) const { return driven_[j]; }
+  VariableSet driven_in_group(int j) const { return driven_[j]; }
   int drive_at(int j, int i) const { return theta_start[j] + detail::below(driven_[j], i); }
-  Variables coupled(int i) const { return coupled_[i]; }
-  Variables sensitive() const { return sensitive_; }
-  bool depends(int i, int j) const { return (row_[i] >> j) & 1; }
+  VariableSet coupled(int i) const { return coupled_[i]; }
+  VariableSet sensitive() const { return sensitive_[0]; }
+  bool depends(int i, int j) const { return detail::has(row_[i], j); }
   bool state_depends(int i) const { return varying_.states[i]; }
   bool output_depends(int i) const { return varying_.outputs[i]; }
   bool switching_depends(int m) const { return varying_.surfaces[m]; }
@@ -150,16 +154,14 @@ class Dependence<TapeModel> {
   bool any_steep() const { return std::find(varying_.steep.begin(), varying_.steep.end(), true) != varying_.steep.end(); }
   int leader(int j) const { return j; }
   int kept_at(int e) const { return places_kept_.at[e]; }
-  int next_alike(int) const { return static_cast<int>(rows_.size()); }
+  int next_alike(int) const { return static_cast<int>(column_start.size()); }
 
   int by_state, by_theta, in_columns, varying_outputs;  // by_theta counts the zero behind the entries too
   int changing, constant;                               // entries of f_x and f_theta along a trajectory
   std::vector<int> state_start, theta_start, column_start;
 
  private:
-  using Masks = std::vector<Variables>;
-  Masks coupled_, driven_, rows_, row_;
-  Variables sensitive_;
+  VariableSets coupled_, driven_, rows_, row_, sensitive_;
   detail::PlacesKept<std::vector<int>> places_kept_;
   int surfaces_;
   Varying varying_;
@@ -310,7 +312,6 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
                     n_holds] = shape_;
         expect(sided_limits || !detail::reads_sides(programs_.surfaces, shape),
                "surfaces: expected sides to be read as the shape says");
-        expect(n_x <= 64 && p <= 64, "model: expected at most 64 states and 64 parameters, given more");
         expect(n_u >= 0 && n_y >= 0 && p >= 0, "model: expected numbers of inputs, outputs and parameters, given less than 0");
         expect(measured >= 0, "measured: expected a number of limits, given less than 0");
         expect(0 <= jumps_end && jumps_end <= kinks_end && kinks_end <= sides && sides <= surfaces,

@@ -16,8 +16,8 @@ from .reset import Reset
 from .schedule import schedule
 from .update import Update
 
-LIMIT = 64
-"""The most states, parameters and surfaces that the core takes."""
+LIMIT = 1000
+"""The most states, parameters and surfaces: derivatives of larger models would fill the memory."""
 
 MOST_RESETS = 32
 """The most resets that the core takes."""
