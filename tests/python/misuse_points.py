@@ -86,6 +86,12 @@ def point_cases() -> dict[str, Case]:
             samples=(2, INT, NONE),
             rest=(fp.Rest({"u": 0.5}), NONE),
         ),
+        "RunRegion by outputs": case(
+            fp.RunRegion,
+            bounds=({"h": 0.5, "u": (0.1, 1.0), "dt": 0.1}, MAP),
+            segments=(12, INT),
+            sample_every=({"y": 0.01}, MAP, NUMBER, NONE),
+        ),
         "RunRegion()": case(
             fp.RunRegion,
             bounds=({"h": 0.5, "u": (0.1, 1.0), "dt": 0.1}, MAP),
@@ -100,6 +106,12 @@ def point_cases() -> dict[str, Case]:
         "Chirp": case(fp.Chirp, bandwidth=((1.0, 5.0), NONE), sweep=("linear",)),
         "Given": case(fp.Given, values=([1.0, 2.0], ARRAY), t=([0.0, 1.0], ARRAY, NONE)),
         "Runs.sampled": case(lambda every: runs().sampled(every), every=(0.05, NUMBER)),
+        "Runs.sampled by outputs": case(
+            lambda every, at, model: runs().sampled(every, at=at, model=model),
+            every=({"y": 0.05}, MAP),
+            at=({}, MAP, NONE),
+            model=of_model,
+        ),
         "Runs.sampled at": case(lambda at: runs().sampled(at=at), at=([0.05, 0.1], ARRAY)),
         "Runs()": case(
             fp.Runs,

@@ -50,7 +50,7 @@ def test_instants_that_are_ends_but_for_rounding_are_these() -> None:
     sampled = held([0.1, 0.1, 0.1]).sampled(0.1 / 3)
     assert sampled.dt.shape == (1, 9) and sampled.measured.all()
     assert held([0.02] * 3).sampled(0.02) == held([0.02] * 3)
-    assert held([0.02] * 3).sampled((5, "ms")) == held([0.02] * 3).sampled(0.005)
+    assert held([0.02] * 3).sampled((5, "ms")) == held([0.02] * 3).sampled("5 ms") == held([0.02] * 3).sampled(0.005)
 
 
 def test_runs_are_sampled_at_given_instants() -> None:
@@ -214,7 +214,7 @@ def test_mistakes_of_files_are_named(rows: str, text: str, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"sample_every": {"q": 0.001}}, "sample_every: expected one period for all outputs"),
+        ({"sample_every": "1 kg"}, "sample_every: expected a unit of time, given 'kg'"),
         ({"sample_every": 0}, "sample_every: expected a positive period in s"),
         ({"sample_every": 2.0}, "sample_every: expected a period of at most the shortest run, 1 s, given 2"),
         ({"sample_every": 1e-8}, "sample_every: expected a period with at most 1000000 samples in 1 s"),
@@ -353,3 +353,4 @@ def test_random_models_with_jumps_and_kinks_are_the_same_when_sampled(seed: int)
     bench = Bench(crossing_case(seed, "sampling"), figures)
     check_sampling(bench)
     assert not bench.findings and figures.counts["runs compared with parts between samples"] > 0
+    assert figures.counts["F of outputs with instants of their own"] > 0

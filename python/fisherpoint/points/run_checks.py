@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_positive
+from ..basics.checks import as_floats, as_positive
 from ..basics.messages import shown
-from ..basics.units import converted
+from ..basics.units import converted, seconds
 from ..basics.values import Array
 from .bounds import split_unit
 
@@ -49,6 +49,21 @@ def of_segments(array: NDArray[Any], shape: tuple[int, int], name: str) -> NDArr
     return np.broadcast_to(array, shape).copy()
 
 
+def of_outputs(flags: Flags, shape: tuple[int, int]) -> Flags:
+    """Flags of each output for every segment, (K, N, n_y)."""
+    if flags.shape[:2] != shape or not flags.shape[2]:
+        raise ValueError(f"measured: expected shape {shape}, or ({shape[0]}, {shape[1]}, n_y) by outputs, given {flags.shape}")
+    return flags
+
+
+def as_instants(given: Any, name: str) -> Array:
+    """Instants (S,) after the start, s, increasing."""
+    times = as_floats(given, name)
+    if times.ndim != 1 or not len(times) or times[0] <= 0 or (np.diff(times) <= 0).any():
+        raise ValueError(f"{name}: expected increasing instants above zero, in s, given {shown(given)}")
+    return times
+
+
 def check_segments(dt: Array, measured: Flags) -> None:
     for wrong, what in ((dt < 0, "no negative ones"), ((dt[:, :-1] == 0) & (dt[:, 1:] > 0), "none of zero before others")):
         if wrong.any():
@@ -64,7 +79,9 @@ MOST_SAMPLES = 1_000_000
 
 
 def as_period(given: Any, name: str) -> float:
-    """A period in s, given as a number, or with a unit."""
+    """A period in s, given as a number, with a unit, or as text such as "1 ms"."""
+    if isinstance(given, str):
+        return as_positive(seconds(given, name), name, "period in s")
     number, unit = split_unit(given)
     if unit is None:
         return as_positive(number, name, "period in s")
