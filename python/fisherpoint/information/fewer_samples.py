@@ -22,7 +22,14 @@ ENOUGH = 500
 def with_fewer_samples(problem: DesignProblem, region: RunRegion) -> tuple[DesignProblem, RunRegion]:
     """The problem and its region with longer periods of samples and less noise; as they are where that would change F.
 
-    Of outputs with periods of their own, those that are read often come near to one period.
+    One in k readings of an output, with a k-th of its variance, is left, so that the shortest run has about `ENOUGH` samples. Of
+    outputs with periods of their own, those that are read often come near to one period, and the others keep theirs.
+
+    Parameters
+    ----------
+    problem : DesignProblem
+    region : RunRegion
+        Its region, or a part of it.
     """
     noise, every = problem.noise, region.sample_every
     if every is None or noise is None or isinstance(noise, NoiseModel) or not problem.white_alone:

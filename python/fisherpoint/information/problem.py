@@ -151,8 +151,8 @@ class DesignProblem(InNotebooks):
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
         if self.noise is not None:
             set_field(self, "noise", checked_noise(self.noise, names_of(self.model.outputs)))
-        if isinstance(self.region, RunRegion) and isinstance(self.region.sample_every, Mapping):
-            self._check_clocks(self.region.sample_every)
+        if isinstance(every := getattr(self.region, "sample_every", None), Mapping):
+            self._check_clocks(every)
         set_field(self, "local", checked_local(self.local, everything) or None)
         shared = tuple(name for name in everything if name not in self.local_parameters)
         given = (shared or everything) if self.parameters is None else self.parameters

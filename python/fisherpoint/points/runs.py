@@ -356,8 +356,10 @@ class Runs(InNotebooks):
             Where neither or both are given of all outputs, or of one; for unknown outputs, instants that do not increase or lie
             behind the end of every run, and where a run has no sample, or more than a million.
         """
+        if not len(self):
+            return self
         ends = self.dt.sum(axis=1)
-        shortest, longest = float(ends.min(initial=np.inf)), float(ends.max(initial=0.0))
+        shortest, longest = float(ends.min()), float(ends.max())
 
         def period(given: Any, name: str) -> float:
             found = as_period(given, name)
@@ -386,7 +388,7 @@ class Runs(InNotebooks):
                 else SampleClock(as_instants(at, "at"), None, None)
             )
         counts = clock.counts(self.dt)
-        if len(self) and (not counts.min() or counts.max() < len(clock.instants)):
+        if not counts.min() or counts.max() < len(clock.instants):
             raise ValueError(
                 f"at: expected instants within the runs, which end from {shortest:g} s to {longest:g} s; given {shown(at)}"
             )

@@ -24,8 +24,19 @@ _NONE = -2
 
 
 class Divided(NamedTuple):
-    """Parts of held segments: durations dt (K, E), the segment that each is of (K, E), which are sampled at their ends (K, E), and
-    at which of them each held segment ends (K, N)."""
+    """Parts of the held segments of K runs, E at most of each.
+
+    Attributes
+    ----------
+    dt : ndarray, (K, E)
+        Durations, s; 0 behind the last part of a run.
+    of : ndarray of int, (K, E)
+        The segment that each part is of.
+    measured : ndarray of bool, (K, E)
+        Which parts are sampled at their ends.
+    ends : ndarray of int, (K, N)
+        The part at whose end each held segment ends.
+    """
 
     dt: Array
     of: NDArray[np.intp]
@@ -34,10 +45,18 @@ class Divided(NamedTuple):
 
 
 def divided(dt: Array, times: Array, every: float | None = None) -> Divided:
-    """Segments (K, N) divided at times (K, S), increasing, inf where there are no more.
+    """Held segments of K runs divided at instants.
 
-    What is later than the end of a run prolongs its last segment. A part from one sample to the next lasts `every`, where that is
-    given.
+    What is later than the end of a run prolongs its last segment.
+
+    Parameters
+    ----------
+    dt : ndarray, (K, N)
+        Durations of the segments, s; 0 behind the last one of a run.
+    times : ndarray, (K, S)
+        Instants, s, increasing; inf where there are no more.
+    every : float, optional
+        How long a part from one sample to the next lasts, s, without the rounding of differences.
     """
     if len(dt) > 1 and (dt == dt[0]).all() and (times == times[0]).all():  # one clock for all
         one = divided(dt[:1], times[:1], every)
@@ -100,10 +119,19 @@ def same_within(dt: Array, step: Array | float) -> Array:
 
 
 class Holds(NamedTuple):
-    """Runs as they are programmed: u (K, N, n_u), dt (K, N), measured (K, N), and the periods at which each is sampled.
+    """Runs as they are programmed.
 
-    These are (K, 1), or (K, n_y) where outputs have different ones, NaN of an output that is not measured, and of all outputs of
-    runs that are as they were. What is measured of the others are the samples at the ends of holds.
+    Attributes
+    ----------
+    u : ndarray, (K, N, n_u)
+        Inputs of the holds, or of the segments of runs that are as they were.
+    dt : ndarray, (K, N)
+        Durations, s.
+    measured : ndarray of bool, (K, N)
+        Which are sampled at their ends.
+    every : ndarray, (K, 1) or (K, n_y)
+        Periods at which outputs are measured, s: (K, 1) where all are measured in each sample. NaN of an output that is not
+        measured, and of all outputs of runs that are as they were.
     """
 
     u: Array
@@ -123,7 +151,16 @@ class Holds(NamedTuple):
 
 
 def holds_of(u: Array, dt: Array, readings: NDArray[np.bool_]) -> Holds:
-    """Densely sampled runs by what they hold, and others as they are; `readings` are (K, N, 1), or (K, N, n_y)."""
+    """Densely sampled runs by what they hold, and others as they are.
+
+    Parameters
+    ----------
+    u : ndarray, (K, N, n_u)
+    dt : ndarray, (K, N)
+        s.
+    readings : ndarray of bool, (K, N, 1) or (K, N, n_y)
+        Which outputs are measured at the ends of segments, as `Runs.readings`.
+    """
     every, parts, measured = np.full((len(dt), readings.shape[2]), np.nan), [], np.asarray(readings.any(axis=2))
     for k, n in enumerate(np.count_nonzero(dt, axis=1).tolist()):
         held, durations, flags = u[k, :n], dt[k, :n], measured[k, :n]
