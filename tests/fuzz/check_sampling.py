@@ -59,28 +59,26 @@ def compare(one: Run, sampled: Run) -> None:
 def by_outputs(one: Run, rng: np.random.Generator) -> None:
     """A run whose outputs have periods or tables of their own, or are not measured."""
     bench, names, total = one.bench, [quantity.name for quantity in one.bench.model.outputs], float(one.runs.dt.sum())
-    every: dict[str, float] = {}
-    at: dict[str, Floats] = {}
+    every: dict[str, float | Floats] = {}
     for name in names:
         kind = rng.integers(3)
         if kind == 0:
             every[name] = total / float(rng.choice(SAMPLES))
         elif kind == 1:
-            at[name] = np.unique(np.minimum(total * rng.choice([0.1, 0.25, 1 / 3, 0.5, 0.77, 1.0], 3), total))
-    if not every and not at:
-        at[names[0]] = np.array([total])
-    sampled = Run(bench, one.runs.sampled(every, at=at, model=bench.model), one.theta)
+            every[name] = np.unique(np.minimum(total * rng.choice([0.1, 0.25, 1 / 3, 0.5, 0.77, 1.0], 3), total))
+    every = every or {names[0]: np.array([total])}
+    sampled = Run(bench, one.runs.sampled(every, model=bench.model), one.theta)
     compare(one, sampled)
     runs, wrong = sampled.runs, 0.0
     flags = np.broadcast_to(runs.readings, (*runs.dt.shape, len(names)))[0]
     for j, name in enumerate(names):
-        period = every.get(name)
-        wanted = at.get(name, np.zeros(0)) if period is None else period * np.arange(1, int(total / period * (1 + 1e-9)) + 1)
+        given = every.get(name, np.zeros(0))
+        wanted = given if isinstance(given, np.ndarray) else given * np.arange(1, int(total / given * (1 + 1e-9)) + 1)
         found = runs.t[0, flags[:, j]]
         wrong = max(wrong, np.inf if len(found) != len(wanted) else float(np.abs(found - wanted).max(initial=0.0)) / total)
     bench.figures.count("runs whose outputs have instants of their own")
     if wrong > SAME:
-        one.report("instants of outputs", wrong / SAME, sampled.call("simulate", RTOL), f"{every}, {at}")
+        one.report("instants of outputs", wrong / SAME, sampled.call("simulate", RTOL), f"{every}")
     sensitivities(sampled, flags)
 
 

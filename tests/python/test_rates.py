@@ -22,6 +22,7 @@ CLOCKS: dict[str, Any] = {
     "multiples": {"q": 1e-3, "s": "10 ms"},
     "others": {"q": (7, "ms"), "s": 0.003},
     "slow": {"q": 0.0013, "s": 0.03},
+    "tables": {"q": 0.004, "s": [0.0053, 0.02, 0.041]},
 }
 
 
@@ -90,10 +91,10 @@ def test_each_output_is_measured_at_its_own_multiples(every: Any) -> None:
 def test_tables_of_times_and_periods_go_together() -> None:
     own = model()
     runs = held(own)
-    sampled = runs.sampled({"q": 0.01}, at={"s": [0.005, 0.02, 0.09]}, model=own)
+    sampled = runs.sampled({"q": 0.01, "s": [5, 20, 90, "ms"]}, model=own)
     assert np.allclose(instants(sampled, 0, 1), [0.005, 0.02, 0.09]) and np.allclose(instants(sampled, 1, 1), [0.005, 0.02])
     assert np.allclose(instants(sampled, 1, 0), 0.01 * np.arange(1, 7)) and sampled.measured.sum() == 11 + 7
-    tables = runs.sampled(at={"q": 0.01 * np.arange(1, 11), "s": [0.005, 0.02, 0.09]}, model=own)
+    tables = runs.sampled({"q": 0.01 * np.arange(1, 11), "s": [0.005, 0.02, 0.09]}, model=own)
     assert np.array_equal(tables.by_output, sampled.by_output) and np.allclose(tables.dt, sampled.dt, rtol=0, atol=1e-15)
 
 
@@ -266,7 +267,7 @@ def test_changed_runs_are_worth_the_same_from_where_they_differ(kind: str) -> No
 # --- Searches ---
 
 
-@pytest.mark.parametrize("every", [{"q": 0.0004, "s": 0.004}, {"q": 0.0004, "s": 0.0011}, {"q": 0.0004, "s": 0.02}])
+@pytest.mark.parametrize("every", [{"q": 0.0004, "s": 0.004}, {"q": 0.0004, "s": 0.0011}, {"q": 0.0004, "s": (0.31, 0.7)}])
 def test_a_search_by_fewer_readings_sees_nearly_the_same_information(every: Any) -> None:
     own = model()
     whole = problem(own, NOISE["white"], region(every, segments=20, bounds={"dt": 0.05}))
@@ -357,6 +358,18 @@ def test_residuals_of_each_output_are_judged_along_its_own_samples() -> None:
     fit.plot("time")
 
 
+@pytest.mark.parametrize("every", [(0.03, 0.07, 0.1), {"q": 0.02, "s": (0.03, 0.07, 0.1)}])
+def test_designs_keep_to_tables_of_instants(every: Any) -> None:
+    """Free durations: instants behind the end of a run are left out."""
+    of = problem(model(), NOISE["white"], region(every, bounds={"dt": (0.015, 0.025)}), rtol=1e-6)
+    design = fp.design_runs(of, n_starts=1, n_candidates=20)
+    times = design.runs.t[0][np.broadcast_to(design.runs.readings, (*design.runs.dt.shape, 2))[0, :, 1]]
+    wanted = np.array([t for t in (0.03, 0.07, 0.1) if t < design.runs.dt.sum() + 1e-9])
+    assert np.allclose(times, wanted, rtol=0, atol=1e-12)
+    assert design.log_det == pytest.approx(np.linalg.slogdet(information(of, design.runs))[1], abs=1e-6)
+    assert str(every["s"] if isinstance(every, dict) else every) in repr(of.region)
+
+
 def test_a_campaign_designs_and_measures_on_clocks_of_outputs() -> None:
     own = model()
     of = problem(own, NOISE["white"], region({"q": 0.005, "s": 0.02}), rtol=1e-6)
@@ -377,7 +390,7 @@ def test_a_campaign_designs_and_measures_on_clocks_of_outputs() -> None:
 def test_files_of_runs_have_periods_or_flags_of_outputs(every: Any, shapes: Any, tmp_path: Path) -> None:
     own, path = model(), tmp_path / "runs.csv"
     sampled = held(own, shapes=shapes).sampled(every, model=own)
-    mixed = fp.Runs.join([sampled, held(own, 1), held(own, 2).sampled(at={"s": [0.011]}, model=own)])
+    mixed = fp.Runs.join([sampled, held(own, 1), held(own, 2).sampled({"s": [0.011]}, model=own)])
     for runs in (sampled, mixed):
         runs.to_csv(path, own)
         read = fp.Runs.from_csv(path, own)
@@ -442,19 +455,15 @@ def test_numbers_of_outputs_that_are_not_measured_are_refused(tmp_path: Path) ->
     ("arguments", "text"),
     [
         ({"every": {"q": 0.01}}, "model: expected the model whose outputs have instants of their own, given None"),
-        ({"every": {"x": 0.01}, "model": model()}, "every: expected names of q, s; given unknown 'x'"),
-        ({"every": {}, "model": model()}, "sampled: expected at least one output that is measured, given none"),
+        ({"every": {"x": 0.01}, "model": model()}, "every: expected names of outputs, q, s; given unknown 'x'"),
+        ({"every": {}, "model": model()}, "every: expected at least one output that is measured, given none"),
         ({"every": {"q": 0.2}, "model": model()}, "every['q']: expected a period of at most the shortest run, 0.065 s, given 0.2"),
         ({"every": {"q": "soon"}, "model": model()}, "every['q']: expected a time with its unit, as 5 ms, given 'soon'"),
         ({"every": {"q": "5 kg"}, "model": model()}, "every['q']: expected a unit of time, given 'kg'"),
         ({"every": {"q": "0 ms"}, "model": model()}, "every['q']: expected a positive period in s"),
-        (
-            {"every": {"q": 0.01}, "at": {"q": [0.01]}, "model": model()},
-            "at: expected other outputs than every has, given 'q' in both",
-        ),
-        ({"at": {"q": [0.02, 0.01]}, "model": model()}, "at['q']: expected increasing instants"),
-        ({"at": {"q": [0.02, 0.2]}, "model": model()}, "at: expected instants within the runs"),
-        ({"every": {"q": 0.01}, "at": [0.01], "model": model()}, "at: expected"),
+        ({"every": {"q": [0.02, 0.01]}, "model": model()}, "every['q']: expected a period, or increasing instants above zero"),
+        ({"every": {"q": [0.02, 0.2]}, "model": model()}, "every['q']: expected instants within the runs"),
+        ({"every": {"q": [0.07, 0.09]}, "model": model()}, "the first up to 0.065 s and the last up to 0.1 s; given 0.07 and 0.09"),
         ({"every": {"q": 0.01}, "model": "joint"}, "model: expected"),
     ],
 )
@@ -467,13 +476,13 @@ def test_mistakes_of_sampling_are_named(arguments: Any, text: str) -> None:
 @pytest.mark.parametrize(
     ("every", "noise", "text"),
     [
-        ({"q": 0.01}, NOISE["white"], "sample_every: expected a period of each output that noise has, q, s; given none of 's'"),
-        (CLOCKS["others"], {"q": 1e-3}, "sample_every: expected periods of outputs that noise has, q; given one of 's'"),
+        ({"q": 0.01}, NOISE["white"], "sample_every: expected instants of each output that noise has, q, s; given none of 's'"),
+        (CLOCKS["others"], {"q": 1e-3}, "sample_every: expected instants of outputs that noise has, q; given some of 's'"),
         ({"q": 0.01, "x": 0.01}, NOISE["white"], "sample_every: expected names of outputs, q, s; given unknown 'x'"),
-        ({}, NOISE["white"], "sample_every: expected the period of at least one output, given none"),
+        ({}, NOISE["white"], "sample_every: expected at least one output that is measured, given none"),
         ({"q": 1.0, "s": 0.01}, NOISE["white"], "sample_every['q']: expected a period of at most the shortest run, 0.1 s, given 1"),
         ({"q": 0, "s": 0.01}, NOISE["white"], "sample_every['q']: expected a positive period in s"),
-        ({"q": [0.1, 0.2], "s": 0.01}, NOISE["white"], "sample_every['q']: expected"),
+        ({"q": [0.1, 0.2], "s": 0.01}, NOISE["white"], "sample_every['q']: expected instants within the runs"),
     ],
 )
 def test_mistakes_of_problems_are_named(every: Any, noise: Any, text: str) -> None:
@@ -532,16 +541,22 @@ def test_files_of_problems_have_a_clock_of_each_output(tmp_path: Path) -> None:
     found = fp.load_problem(path).run_region
     assert found.sample_every == {"q": pytest.approx(0.002), "w": pytest.approx(0.01)}
     assert RunCoordinates(found, fp.load_problem(path).model).clock is not None
+    path.write_text(TOML.replace("q = 0.002", 'q = { value = [5, 20, 500], unit = "ms" }'))
+    assert fp.load_problem(path).run_region.sample_every["q"] == pytest.approx((0.005, 0.02, 0.5))
+    path.write_text(TOML.replace("sample_every = { q", "sample_every = [0.005, 0.02, 0.5] #"))
+    assert fp.load_problem(path).run_region.sample_every == (0.005, 0.02, 0.5)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        (', w = { value = 10, unit = "ms" }', "", "sample_every: expected a period of each output that noise has, q, w"),
+        (', w = { value = 10, unit = "ms" }', "", "sample_every: expected instants of each output that noise has, q, w"),
         ("q = 0.002, w", "q = 0.002, x = 0.1, w", "names of outputs, q, w; given unknown 'x'"),
         ("q = 0.002", "q = -1", "runs.sample_every.q.value: expected a number > 0, given -1"),
-        ("q = 0.002", 'q = "2 ms"', "runs.sample_every.q: expected a number or {value = ..., unit"),
-        ("sample_every = { q", "sample_every = [0.1] #", "runs.sample_every: expected a number, {value = ..., unit"),
+        ("q = 0.002", 'q = "2 ms"', "runs.sample_every.q: expected a number, a list of numbers, or {value = ..., unit"),
+        ("q = 0.002", "q = [0.2, 0.1]", "sample_every.q: expected a period, or increasing instants"),
+        ("q = 0.002", "q = []", "sample_every.q: expected a period, or increasing instants"),
+        ("sample_every = { q", "sample_every = true #", "runs.sample_every: expected a number, a list of numbers, or {value"),
         ("sample_every = { q", "sample_every = -1 #", "runs.sample_every.value: expected a number > 0, given -1"),
         ("segments = 25", "segments = 25\nsamples = 2", "runs.samples: expected none beside sample_every"),
     ],

@@ -23,7 +23,7 @@ def with_fewer_samples(problem: DesignProblem, region: RunRegion) -> tuple[Desig
     """The problem and its region with longer periods of samples and less noise; as they are where that would change F.
 
     One in k readings of an output, with a k-th of its variance, is left, so that the shortest run has about `ENOUGH` samples. Of
-    outputs with periods of their own, those that are read often come near to one period, and the others keep theirs.
+    outputs with periods of their own, those that are read often come near to one period, and the others, and tables, stay.
 
     Parameters
     ----------
@@ -35,11 +35,15 @@ def with_fewer_samples(problem: DesignProblem, region: RunRegion) -> tuple[Desig
     if every is None or noise is None or isinstance(noise, NoiseModel) or not problem.white_alone:
         return problem, region
     stds = {name: one.nominal if isinstance(one, Noise) else one for name, one in noise.items()}
-    periods = every if isinstance(every, Mapping) else dict.fromkeys(stds, every)
-    finest, shortest = min(periods.values()), region.segments * region.bounds["dt"][0]
+    of_each = every if isinstance(every, Mapping) else dict.fromkeys(stds, every)
+    periods = {name: one for name, one in of_each.items() if not isinstance(one, tuple)}
+    finest, shortest = min(periods.values(), default=np.inf), region.segments * region.bounds["dt"][0]
     k = int(shortest / (finest * ENOUGH))
     if k < 2:
         return problem, region
     fewer = {name: max(1, round(k * finest / period)) for name, period in periods.items()}
-    region = region.sampling({name: fewer[name] * period for name, period in periods.items()} if periods is every else k * finest)
-    return replace(problem, noise={name: std / float(np.sqrt(fewer[name])) for name, std in stds.items()}, region=region), region
+    region = region.sampling(
+        {**every, **{name: fewer[name] * period for name, period in periods.items()}} if isinstance(every, Mapping) else k * finest
+    )
+    noise = {name: std / float(np.sqrt(fewer.get(name, 1))) for name, std in stds.items()}
+    return replace(problem, noise=noise, region=region), region

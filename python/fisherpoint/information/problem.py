@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -171,15 +171,15 @@ class DesignProblem(InNotebooks):
             raise ValueError(f"region: expected a region of points for output_covariance='region', given {given_region}")
         self.check_weighs(str(self.output_covariance))
 
-    def _check_clocks(self, every: Mapping[str, float]) -> None:
-        """Raise unless the outputs with a period of samples are those that are measured."""
+    def _check_clocks(self, every: Iterable[str]) -> None:
+        """Raise unless the outputs with samples of their own are those that are measured."""
         there = [name for name, one in zip(names_of(self.model.outputs), self.measured, strict=True) if one]
         for name in (name for name in there if name not in every):
             raise ValueError(
-                f"sample_every: expected a period of each output that noise has, {listed(there)}; given none of {name!r}"
+                f"sample_every: expected instants of each output that noise has, {listed(there)}; given none of {name!r}"
             )
         for name in (name for name in every if name not in there):
-            raise ValueError(f"sample_every: expected periods of outputs that noise has, {listed(there)}; given one of {name!r}")
+            raise ValueError(f"sample_every: expected instants of outputs that noise has, {listed(there)}; given some of {name!r}")
 
     def check_weighs(self, kind: str) -> None:
         """Raise where D of this kind, or what is drawn anew, does not go with the noise, or with local parameters."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_floats, as_positive
+from ..basics.checks import as_positive
 from ..basics.messages import shown
 from ..basics.units import converted, seconds
 from ..basics.values import Array
@@ -54,14 +54,6 @@ def of_outputs(flags: Flags, shape: tuple[int, int]) -> Flags:
     if flags.shape[:2] != shape or not flags.shape[2]:
         raise ValueError(f"measured: expected shape {shape}, or ({shape[0]}, {shape[1]}, n_y) by outputs, given {flags.shape}")
     return flags
-
-
-def as_instants(given: Any, name: str) -> Array:
-    """Instants (S,) after the start, s, increasing."""
-    times = as_floats(given, name)
-    if times.ndim != 1 or not len(times) or times[0] <= 0 or (np.diff(times) <= 0).any():
-        raise ValueError(f"{name}: expected increasing instants above zero, in s, given {shown(given)}")
-    return times
 
 
 def check_segments(dt: Array, measured: Flags) -> None:

@@ -29,8 +29,8 @@ from .profile_kinds import PROFILES
 from .profiles import ActuatorClock, Given, Held, InputProfile
 from .region import refuse_fixed_on_surface
 from .rest import Rest
-from .run_checks import as_flags, as_period, check_period
-from .sample_clock import Every, SampleClock
+from .run_checks import as_flags
+from .sample_clock import Every, SampleClock, as_every
 
 MOST_SEGMENTS = 10_000
 
@@ -67,9 +67,10 @@ class RunRegion:
         closed system keeps; states that are held vary within theirs.
     samples : int, optional
         The design takes the best so many of these of each run. Default: all.
-    sample_every : float, (float, unit) or text such as "1 ms", or a mapping of output to these, optional
+    sample_every : float, (float, unit), text such as "1 ms", or (S,), or a mapping of output to these, optional
         The period at which all outputs are measured instead, s: at all of its multiples up to the end of a run, whatever the
-        segments are. Of a mapping each output has its own; outputs that it does not name are not measured.
+        segments are. Or a table of instants from the start, s, which may end with a unit; those behind the end of a shorter run are
+        left out. Of a mapping each output has its own; outputs that it does not name are not measured.
     profile : InputProfile, or mapping of input to InputProfile, optional
         How the values of all inputs, or of some, follow from a few numbers: `Ramps`, `Spline`, `Multisine`, `Chirp` or `PRBS`;
         `Held` is the default, a number for each segment. The bounds of ``"dt"`` must be one value then, the actuator's clock.
@@ -135,25 +136,14 @@ class RunRegion:
         self.rest = rest
         self.measured: tuple[bool, ...] = tuple(flags.tolist())
         self.samples = None if samples is None else check_positive_int(samples, "samples", most=int(flags.sum()))
-        self.sample_every: Every | None = None if sample_every is None else self._periods(sample_every)
+        self.sample_every: Every | None = None if sample_every is None else self._every(sample_every)
         self.profile = self._profiles(profile, names)
 
-    def _periods(self, given: Any) -> Every:
+    def _every(self, given: Any) -> Every:
         for name, beside in (("measured", not all(self.measured)), ("samples", self.samples is not None)):
             if beside:
-                raise ValueError(
-                    f"{name}: expected none beside sample_every, which measures at all multiples of the period, given some"
-                )
-        if not isinstance(given, Mapping):
-            return self._period(given, "sample_every")
-        if not given:
-            raise ValueError("sample_every: expected the period of at least one output, given none")
-        return by_name(given, None, "sample_every", self._period)
-
-    def _period(self, given: Any, label: str) -> float:
-        every = as_period(given, label)
-        check_period(every, self.segments * self.bounds["dt"][0], self.longest, label)
-        return every
+                raise ValueError(f"{name}: expected none beside sample_every, which measures at instants of its own, given some")
+        return as_every(given, "sample_every", self.segments * self.bounds["dt"][0], self.longest)
 
     def _profiles(self, given: Any, names: tuple[str, ...]) -> InputProfile | Mapping[str, InputProfile] | None:
         """Profiles that are not `Held`, each of which has room on the clock."""
@@ -210,7 +200,7 @@ class RunRegion:
         return None if self.sample_every is None else SampleClock.of(self.sample_every, self.longest, names_of(model.outputs))
 
     def sampling(self, every: Every) -> RunRegion:
-        """Return this region with another period of samples, or others of its outputs, s."""
+        """Return this region with other periods, s, or tables of samples."""
         return RunRegion(**self._arguments() | {"sample_every": every})
 
     @property
@@ -279,7 +269,7 @@ class RunRegion:
 
     def __repr__(self) -> str:
         every = self.sample_every
-        often = "" if every is None else f", sample_every={dict(every) if isinstance(every, Mapping) else f'{every:g}'}"
+        often = "" if every is None else f", sample_every={dict(every) if isinstance(every, Mapping) else every!r}"
         profile = "" if self.profile is None else f", profile={self.profile!r}"
         return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments}{often}{profile})"
 

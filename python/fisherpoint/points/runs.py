@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_floats, as_index, as_parts, as_path, by_name, check_alike, check_type
+from ..basics.checks import as_floats, as_index, as_parts, as_path, check_alike, check_known, check_type
 from ..basics.files import write_whole
 from ..basics.messages import shown
 from ..basics.quantity import names_of
@@ -22,9 +22,9 @@ from ..show.table_preview import InNotebooks, first_rows, numbered
 from .experiments import Experiments, checked_columns, columns_of
 from .rest import Rest, Rests, any_rests, as_rests, joined_rests
 from .run_checks import Flags as Flags
-from .run_checks import as_flags, as_instants, as_period, check_period, check_segments, inputs_before, of_outputs, of_segments
+from .run_checks import as_flags, check_segments, inputs_before, of_outputs, of_segments
 from .run_files import read_runs, runs_csv
-from .sample_clock import SampleClock
+from .sample_clock import SampleClock, as_every
 from .sampling import divided
 
 _PARTS = ("x0", "u", "dt", "measured", "columns", "rests", "before", "by_output")
@@ -329,7 +329,7 @@ class Runs(InNotebooks):
         by_output = None if self.by_output is None else np.repeat(self.by_output, len(parts), axis=1) & last[:, None]
         return self._with(u=u, dt=dt, measured=measured & last, by_output=by_output)
 
-    def sampled(self, every: Any = None, *, at: Any = None, model: Model | None = None) -> Runs:
+    def sampled(self, every: Any, *, model: Model | None = None) -> Runs:
         """Return these runs with outputs that are measured at given instants, whatever the segments are.
 
         Segments are divided at the instants, which are measured, and their other ends are not. An instant that is the end of a
@@ -337,62 +337,35 @@ class Runs(InNotebooks):
 
         Parameters
         ----------
-        every : float, (float, unit) or text such as "1 ms", or a mapping of output to these
-            The period of the samples, s: all of its multiples up to the end of each run.
-        at : array_like, (S,), or a mapping of output to (S,)
-            Instants from the start of each run, s, instead; those behind the end of a shorter run are left out.
+        every : float, (float, unit), text such as "1 ms", or (S,), or a mapping of output to these
+            The period of the samples, s: all of its multiples up to the end of each run. Or a table of instants from the start, s,
+            which may end with a unit; those behind the end of a shorter run are left out.
         model : Model, optional
-            Whose outputs mappings name. Each is measured at its own instants, by its period or its table; outputs that neither
-            mapping names are not measured.
+            Whose outputs a mapping names. Each is measured at instants of its own; outputs that are not named are not measured.
 
         Returns
         -------
         Runs
-            K runs; `by_output` (K, N, n_y) has which outputs are measured where, where that differs.
+            K runs; `by_output` (K, N, n_y) has which outputs are measured where, if that differs.
 
         Raises
         ------
         TypeError, ValueError
-            Where neither or both are given of all outputs, or of one; for unknown outputs, instants that do not increase or lie
-            behind the end of every run, and where a run has no sample, or more than a million.
+            For a mapping without a model, unknown outputs, instants that do not increase, and where an output has no instant in
+            one of the runs, one behind all of them, or more than a million.
         """
         if not len(self):
             return self
         ends = self.dt.sum(axis=1)
         shortest, longest = float(ends.min()), float(ends.max())
-
-        def period(given: Any, name: str) -> float:
-            found = as_period(given, name)
-            check_period(found, shortest, longest, name)
-            return found
-
-        if isinstance(every, Mapping) or isinstance(at, Mapping):
+        if isinstance(every, Mapping):
             if model is None:
                 raise TypeError("model: expected the model whose outputs have instants of their own, given None")
             check_type(model, Model, "model")
-            names = names_of(model.outputs)
-            periods, tables = by_name(every, names, "every", period), by_name(at, names, "at", as_instants)
-            for name in (name for name in names if name in periods and name in tables):
-                raise ValueError(f"at: expected other outputs than every has, given {name!r} in both")
-            if not periods and not tables:
-                raise ValueError("sampled: expected at least one output that is measured, given none")
-            clock = SampleClock.of_outputs(periods, tables, longest, names)
-        elif (every is None) == (at is None):
-            raise ValueError(
-                "sampled: expected one of every, a period, and at, instants; given " + ("none" if at is None else "both")
-            )
-        else:
-            clock = (
-                SampleClock.of(period(every, "every"), longest, ())
-                if at is None
-                else SampleClock(as_instants(at, "at"), None, None)
-            )
-        counts = clock.counts(self.dt)
-        if not counts.min() or counts.max() < len(clock.instants):
-            raise ValueError(
-                f"at: expected instants within the runs, which end from {shortest:g} s to {longest:g} s; given {shown(at)}"
-            )
-        return self.sampled_by(clock, counts)[0]
+            check_known(every, names_of(model.outputs), "every", "names of outputs,")
+        names = () if model is None else names_of(model.outputs)
+        clock = SampleClock.of(as_every(every, "every", shortest, longest), longest, names)
+        return self.sampled_by(clock, clock.counts(self.dt))[0]
 
     def sampled_by(self, clock: SampleClock, counts: NDArray[np.intp]) -> tuple[Runs, NDArray[np.intp]]:
         """Return these runs measured at the first `counts` (K,) instants of a clock, and where each of their segments ends, (K, N).

@@ -34,10 +34,19 @@ class Change(Constant):
     value: Positive
 
 
-class Period(Constant):
-    """Time from one sample to the next, s: a bare number or ``{value, unit}``."""
+class Instants(Abbreviated):
+    """When an output is measured: a period, s, a list of instants, s, or ``{value, unit}``."""
 
-    value: Positive
+    bare, expected = (int, float, list), 'a number, a list of numbers, or {value = ..., unit = "..."}'
+
+    value: Positive | list[Positive]
+    unit: str | None = None
+
+    @property
+    def given(self) -> Any:
+        """As `RunRegion` takes it."""
+        values = self.value if isinstance(self.value, list) else [self.value]
+        return [*values, self.unit] if self.unit else self.value
 
 
 class RestTable(Table):
@@ -108,17 +117,17 @@ class RunKeys(Table):
     duration: Positive | None = None
     lead_in: Annotated[int, Field(ge=0)] = 0
     samples: Count | None = None
-    sample_every: Annotated[dict[str, Period], Field(min_length=1)] | None = None  # "" for all outputs
+    sample_every: Annotated[dict[str, Instants], Field(min_length=1)] | None = None  # "" for all outputs
     rest: RestTable | None = None
     profile: dict[str, ProfileTable] = Field(default_factory=dict)
 
     @field_validator("sample_every", mode="before")
     @classmethod
     def _of_all_or_each(cls, given: Any) -> Any:
-        """A period by itself is that of all outputs."""
-        if not isinstance(given, int | float | dict) or isinstance(given, bool):
-            raise PydanticCustomError("expected", 'a number, {value = ..., unit = "..."}, or one for each output by name')
-        return given if isinstance(given, dict) and set(given) - set(Period.model_fields) else {"": given}
+        """Instants by themselves are those of all outputs."""
+        if not isinstance(given, int | float | list | dict) or isinstance(given, bool):
+            raise PydanticCustomError("expected", f"{Instants.expected}, or these for each output by name")
+        return given if isinstance(given, dict) and set(given) - set(Instants.model_fields) else {"": given}
 
     @property
     def given(self) -> list[str]:
@@ -139,7 +148,7 @@ class RunKeys(Table):
         given["levels"] = {name: [*of.values, of.unit] if of.unit else of.values for name, of in self.levels.items()}
         given["slew"] = {name: _with_unit(of) for name, of in self.slew.items()}
         if self.sample_every is not None:
-            every = {name: _with_unit(of) for name, of in self.sample_every.items()}
+            every = {name: of.given for name, of in self.sample_every.items()}
             given["sample_every"] = every.get("", every)
         given["profile"] = {name: table.build(name) for name, table in self.profile.items()}
         rest = None if self.rest is None else self.rest.build(model)
