@@ -89,13 +89,13 @@ def point_cases() -> dict[str, Case]:
         "RunRegion by outputs": case(
             fp.RunRegion,
             bounds=({"h": 0.5, "u": (0.1, 1.0), "dt": 0.1}, MAP),
-            segments=(12, INT),
+            segments=(9, INT),
             sample_every=({"y": 0.01}, MAP, NUMBER, ARRAY, NONE),
         ),
         "RunRegion()": case(
             fp.RunRegion,
             bounds=({"h": 0.5, "u": (0.1, 1.0), "dt": 0.1}, MAP),
-            segments=(12, INT),
+            segments=(9, INT),
             sample_every=(0.01, NUMBER, ARRAY, MAP, NONE),
             profile=({"u": fp.Chirp()}, MAP, NONE),
         ),
