@@ -204,7 +204,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "duration": "The longest that a run may last, s.",
             "lead_in": "Segments at the beginning that are not measured.",
             "sample_every": "The period at which all outputs are measured, whatever the segments are, in s or `{ value = 1, unit ="
-            ' "ms" }`. [Signals](../how_to/signals.md).',
+            ' "ms" }`, or a list of instants; or these for each output that `[noise]` has, by name.'
+            " [Signals](../how_to/signals.md).",
             "samples": "How many samples are chosen of each run; all where it is not given.",
             "rest": "How runs start [at rest](../how_to/runs_at_rest.md), as a table `[runs.rest]`.",
             "profile": "How the values of an input follow from a few numbers, as a table `[runs.profile.NAME]` for each.",

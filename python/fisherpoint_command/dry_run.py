@@ -11,6 +11,7 @@ import fisherpoint as fp
 from fisherpoint.basics.messages import listed
 from fisherpoint.information.problem_report import noise_in_words
 from fisherpoint.noise.models import outputs_of
+from fisherpoint.points.sample_clock import in_words
 from fisherpoint.show.numbers import counted, number
 from fisherpoint.show.section import Report, Section
 
@@ -104,7 +105,7 @@ def run_rows(problem: fp.DesignProblem, given: Mapping[str, Any]) -> list[Row]:
     return [
         *_goal_rows(settings.goal),
         ("runs", f"{settings.n_runs} of {counted(n, 'segment')}"),
-        *([] if (every := problem.run_region.sample_every) is None else [("samples", f"every {every:g} s")]),
+        *([] if (every := problem.run_region.sample_every) is None else [("samples", in_words(every))]),
         ("method", f"{counted(settings.n_starts, 'start')} from a pool of {counted(settings.n_candidates, 'random run')}"),
         about(settings.n_candidates * n, "segments of the pool; ascents take as many again and more"),
     ]

@@ -86,11 +86,17 @@ def point_cases() -> dict[str, Case]:
             samples=(2, INT, NONE),
             rest=(fp.Rest({"u": 0.5}), NONE),
         ),
+        "RunRegion by outputs": case(
+            fp.RunRegion,
+            bounds=({"h": 0.5, "u": (0.1, 1.0), "dt": 0.1}, MAP),
+            segments=(9, INT),
+            sample_every=({"y": 0.01}, MAP, NUMBER, ARRAY, NONE),
+        ),
         "RunRegion()": case(
             fp.RunRegion,
             bounds=({"h": 0.5, "u": (0.1, 1.0), "dt": 0.1}, MAP),
-            segments=(12, INT),
-            sample_every=(0.01, NUMBER, NONE),
+            segments=(9, INT),
+            sample_every=(0.01, NUMBER, ARRAY, MAP, NONE),
             profile=({"u": fp.Chirp()}, MAP, NONE),
         ),
         "Ramps": case(fp.Ramps, knots=(5, INT)),
@@ -99,8 +105,10 @@ def point_cases() -> dict[str, Case]:
         "Multisine": case(fp.Multisine, harmonics=(3, INT), bandwidth=((1.0, 5.0), NONE), crest=(3.0, NUMBER, NONE)),
         "Chirp": case(fp.Chirp, bandwidth=((1.0, 5.0), NONE), sweep=("linear",)),
         "Given": case(fp.Given, values=([1.0, 2.0], ARRAY), t=([0.0, 1.0], ARRAY, NONE)),
-        "Runs.sampled": case(lambda every: runs().sampled(every), every=(0.05, NUMBER)),
-        "Runs.sampled at": case(lambda at: runs().sampled(at=at), at=([0.05, 0.1], ARRAY)),
+        "Runs.sampled": case(lambda every: runs().sampled(every), every=(0.05, NUMBER, ARRAY)),
+        "Runs.sampled by outputs": case(
+            lambda every, model: runs().sampled(every, model=model), every=({"y": [0.05, 0.1]}, MAP, NUMBER, ARRAY), model=of_model
+        ),
         "Runs()": case(
             fp.Runs,
             x0=([[1.0], [2.0]], ARRAY),

@@ -80,7 +80,9 @@ def saved_cases() -> dict[str, Saved]:
     measured = rig.measure(points)
     runs = fp.design_runs(of_runs(), n_runs=2, n_starts=1, n_candidates=10)
     bounds = {"a": 1.0, "b": (0.5, 1.0), "u": (0.0, 2.0), "dt": 0.2}
-    of_signals = problem(region=fp.RunRegion(bounds, 8, sample_every=0.1, profile={"u": fp.Multisine(2, crest=3.0)}))
+    of_signals = problem(
+        region=fp.RunRegion(bounds, 8, sample_every={"y": 0.1, "z": 0.4}, profile={"u": fp.Multisine(2, crest=3.0)})
+    )
     signals = fp.design_runs(of_signals, n_runs=1, n_starts=1, n_candidates=10)
     u = np.tile([1.0, 1.0, 0.3, 0.3], (1, 10))
     long = fp.VirtualRig(one.model, one.prior.mean, {"y": 0.01, "z": 0.02}).measure(

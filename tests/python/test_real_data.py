@@ -45,12 +45,17 @@ def test_the_tanks_are_simulated_as_well_as_published() -> None:
     assert [len(fit.null_directions) + len(fit.weak_directions) for fit, *_ in found] == [1, 0, 0]
 
 
-def test_the_positioning_axis_is_simulated_through_its_standstills() -> None:
-    """Raw voltages, sharp friction: each estimate within two of its published standard errors."""
+def test_the_positioning_axis_has_no_dead_time() -> None:
+    """The controller is as it is programmed: a late force meets voltages worse, and an estimated dead time ends at 0."""
     axis = example("positioning_axis_record")
-    measured = axis.record(DATA / "emps" / "emps_estimation.csv")
-    sharp, smooth = (axis.fp.estimate(axis.axis(law), measured) for law in ("sign(v)", "tanh(v/0.001)"))
-    assert sharp.converged and smooth.converged
-    for name, (value, error) in axis.PUBLISHED.items():
-        assert abs(sharp.estimate[name] - value) < 2 * error
-    assert (sharp.residuals**2).sum() < (smooth.residuals**2).sum()
+    path = DATA / "emps" / "emps_estimation.csv"
+    fits = [axis.estimate(model, axis.record(path, model)[:5000]) for model in (axis.loop(), axis.loop(late="0.5 ms"))]
+    sizes = [float((fit.residuals**2).mean() ** 0.5) for fit in fits]
+    assert sizes[0] < 0.15 and 1.1 * sizes[0] < sizes[1]
+    for fit in fits:
+        assert fit.converged and "not white" in axis.judged(fit)
+    for name, (value, _) in axis.PUBLISHED.items():
+        assert abs(fits[0].estimate[name] - value) < fits[0].robust_standard_errors[name]
+    without, late = (axis.estimate(axis.axis(voltage), axis.pieces(path)) for voltage in ("u", "delay(u, tau)"))
+    assert late.converged and late.estimate["tau"] == pytest.approx(0.0, abs=1e-6) and "not white" in axis.judged(late)
+    assert (late.residuals**2).sum() == pytest.approx((without.residuals**2).sum(), rel=1e-6)

@@ -50,11 +50,11 @@ def test_instants_that_are_ends_but_for_rounding_are_these() -> None:
     sampled = held([0.1, 0.1, 0.1]).sampled(0.1 / 3)
     assert sampled.dt.shape == (1, 9) and sampled.measured.all()
     assert held([0.02] * 3).sampled(0.02) == held([0.02] * 3)
-    assert held([0.02] * 3).sampled((5, "ms")) == held([0.02] * 3).sampled(0.005)
+    assert held([0.02] * 3).sampled((5, "ms")) == held([0.02] * 3).sampled("5 ms") == held([0.02] * 3).sampled(0.005)
 
 
 def test_runs_are_sampled_at_given_instants() -> None:
-    sampled = held([[0.02, 0.02, 0.02], [0.02, 0.005, 0.01]]).sampled(at=[0.01, 0.02, 0.05])
+    sampled = held([[0.02, 0.02, 0.02], [0.02, 0.005, 0.01]]).sampled([0.01, 0.02, 0.05])
     assert np.allclose(sampled.t[0], [0.01, 0.02, 0.04, 0.05, 0.06]) and sampled.measured[0].tolist() == [
         True,
         True,
@@ -93,7 +93,7 @@ def rows_at(objective: Any, z: Any, counts: Any) -> Any:
     """Whitened rows (m, p) of the first samples of a run, by a run whose last input goes on."""
     own = objective.coordinates.held(z[None])
     dt = np.append(own.dt, [[1.0]], axis=1)
-    longer = fp.Runs(own.x0, np.append(own.u, own.u[:, -1:], axis=1), dt).sampled(at=1e-3 * np.arange(1, counts + 1))
+    longer = fp.Runs(own.x0, np.append(own.u, own.u[:, -1:], axis=1), dt).sampled(1e-3 * np.arange(1, counts + 1))
     rows = objective.tangents(longer).rows(objective.problem).sensitivity[0][longer.measured[0]]
     return rows.reshape(-1, rows.shape[-1]) / 1e-3
 
@@ -214,7 +214,7 @@ def test_mistakes_of_files_are_named(rows: str, text: str, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"sample_every": {"q": 0.001}}, "sample_every: expected one period for all outputs"),
+        ({"sample_every": "1 kg"}, "sample_every: expected a unit of time, given 'kg'"),
         ({"sample_every": 0}, "sample_every: expected a positive period in s"),
         ({"sample_every": 2.0}, "sample_every: expected a period of at most the shortest run, 1 s, given 2"),
         ({"sample_every": 1e-8}, "sample_every: expected a period with at most 1000000 samples in 1 s"),
@@ -232,11 +232,12 @@ def test_mistakes_of_regions_are_named(changes: Any, text: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ({}, "sampled: expected one of every, a period, and at, instants; given none"),
-        ({"every": 0.01, "at": [0.01]}, "given both"),
+        ({"every": None}, "every: expected"),
         ({"every": 0.05}, "every: expected a period of at most the shortest run, 0.04 s"),
-        ({"at": [0.01, 0.01]}, "at: expected increasing instants"),
-        ({"at": [0.01, 0.05]}, "at: expected instants within the runs"),
+        ({"every": [0.01, 0.01]}, "every: expected a period, or increasing instants above zero"),
+        ({"every": [0.01, 0.05]}, "every: expected instants within the runs"),
+        ({"every": [10, 50, "ms"]}, "every: expected instants within the runs"),
+        ({"every": []}, "every: expected a period, or increasing instants above zero"),
     ],
 )
 def test_mistakes_of_sampling_are_named(arguments: Any, text: str) -> None:
@@ -353,3 +354,4 @@ def test_random_models_with_jumps_and_kinks_are_the_same_when_sampled(seed: int)
     bench = Bench(crossing_case(seed, "sampling"), figures)
     check_sampling(bench)
     assert not bench.findings and figures.counts["runs compared with parts between samples"] > 0
+    assert figures.counts["F of outputs with instants of their own"] > 0

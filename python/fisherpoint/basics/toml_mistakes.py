@@ -139,8 +139,8 @@ _MEMBERS = ("dict[", "list[", "constrained-", "function-")
 
 
 def _place(problem: ErrorDetails) -> tuple[str, ...]:
-    """Place of a problem, without the names that pydantic adds for the members of a union."""
-    parts = [part for part in problem["loc"] if isinstance(part, str)]
+    """Place of a problem, without the names that pydantic adds for the members of a union, and that of all entries, ""."""
+    parts = [part for part in problem["loc"] if isinstance(part, str) and part]
     return tuple(part for part in parts if part != "int" and not part.startswith(_MEMBERS))
 
 

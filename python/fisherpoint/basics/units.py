@@ -213,6 +213,21 @@ def _power_text(name: str, power: Fraction) -> str:
     return f"{name}^{float(power):.4g}"
 
 
+def seconds(text: str, place: str) -> float:
+    """The number of seconds that a time with its unit is, such as "5 ms"; raise ValueError for what is none."""
+    found = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-zµ]+)\s*", text)
+    try:
+        if found is None:
+            raise ValueError
+        value = float(found[1])
+    except ValueError:
+        raise ValueError(f"{place}: expected a time with its unit, as 5 ms, given {shown(text)}") from None
+    try:
+        return float(convert_unit(value, found[2], "s"))
+    except ValueError as error:
+        raise ValueError(f"{place}: expected a unit of time, given {shown(found[2])}") from error
+
+
 def _zero_between(given: str, wanted: str) -> float:
     return 273.15 * ((given.strip() in CELSIUS) - (wanted.strip() in CELSIUS))
 

@@ -27,7 +27,7 @@ def measured_outputs(values: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def refuse_beside_samples(runs: Runs, y: Array) -> None:
     """Raise for an output of (K, N, n_y) at a segment that is not measured."""
-    beside = np.argwhere(~np.isnan(y) & ~runs.measured[:, :, None])
+    beside = np.argwhere(~np.isnan(y) & ~runs.readings)
     if len(beside):
         k, n, i = (int(place) for place in beside[0])
         raise ValueError(f"y: expected NaN where runs are not measured, given {y[k, n, i]:g} in segment {n} of runs[{k}]")

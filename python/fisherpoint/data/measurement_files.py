@@ -36,6 +36,8 @@ from ..points.run_files import (
     SEGMENT,
     before_columns_of,
     before_of_table,
+    flag_columns_of,
+    flags_of_table,
     rest_columns,
     rest_columns_of,
     rest_of_table,
@@ -81,7 +83,13 @@ def read_measurements(
 def column_names(model: Model) -> tuple[str, ...]:
     """Names of the columns that tables of records and measurements may have."""
     states, inputs, outputs = (names_of(some) for some in (model.states, model.inputs, model.outputs))
-    of_runs = (RUN.name, SEGMENT.name, MEASURED.name, *rest_columns(inputs, outputs))
+    of_runs = (
+        RUN.name,
+        SEGMENT.name,
+        MEASURED.name,
+        *(f"{MEASURED.name}_{name}" for name in outputs),
+        *rest_columns(inputs, outputs),
+    )
     starts, measured = (f"x0_{name}" for name in states), (f"y_{name}" for name in outputs)
     return tuple(dict.fromkeys((time_name(inputs), *_axes(model), *starts, *outputs, *measured, *of_runs, "status")))
 
@@ -109,7 +117,7 @@ def _points(table: DataTable, model: Model, labels: tuple[str, ...]) -> tuple[Ex
 
 
 def _runs(table: DataTable, model: Model, labels: tuple[str, ...]) -> tuple[Runs, Array, Mapping[str, tuple[str, ...]]]:
-    further = (*rest_columns_of(table, model), *before_columns_of(table, model))
+    further = (*rest_columns_of(table, model), *before_columns_of(table, model), *flag_columns_of(table, model))
     outputs = _columns_of_outputs(table, model, {*_axes(model), RUN.name, SEGMENT.name, MEASURED.name, *further})
     x0, u, dt, measured = runs_of_table(table, model, (*outputs.values(), *further), (*BOOKKEEPING, *labels))
     rest = rest_of_table(table, model) if REST in further else None
@@ -117,12 +125,14 @@ def _runs(table: DataTable, model: Model, labels: tuple[str, ...]) -> tuple[Runs
         of_outputs = listed(f"y_{name}" for name in names_of(model.outputs))
         raise ValueError(f"{table.path}: expected of the columns {of_outputs} those that were measured; given none")
     k, n = np.nonzero(dt)
-    numbers = _numbers(table, model, outputs, [])
+    numbers, readings = _numbers(table, model, outputs, []), flags_of_table(table, model, measured)
     for j, name in enumerate(names_of(model.outputs)):
         if name in outputs:
-            table.refuse(~np.isnan(numbers[:, j]) & ~measured[k, n], outputs[name], f"no number where {MEASURED.name} is 0")
+            flags = readings[k, n] if readings.ndim == 2 else readings[k, n, j]
+            column = MEASURED.name if readings.ndim == 2 else f"{MEASURED.name}_{name}"
+            table.refuse(~np.isnan(numbers[:, j]) & ~flags, outputs[name], f"no number where {column} is 0")
     try:
-        runs = Runs(x0, u, dt, measured, rest=rest, before=before_of_table(table, model), columns=columns_of(model))
+        runs = Runs(x0, u, dt, readings, rest=rest, before=before_of_table(table, model), columns=columns_of(model))
     except ValueError as error:
         raise ValueError(f"{table.path}: {error}") from error
     _, same = runs.distinct(sampled_alike=False)

@@ -24,7 +24,7 @@ from .measurements import Measurements
 def planned(points: Points, outputs: int, labels: Mapping[str, Any] = FrozenMapping({})) -> Measurements:
     """Points or runs as if all of them had been measured, with zeros, so that they have labels."""
     runs = as_runs(points)
-    y = np.where(runs.measured[:, :, None], np.zeros(outputs), np.nan)
+    y = np.where(runs.readings, np.zeros(outputs), np.nan)
     return Measurements(points, y.reshape(*points.dt.shape, outputs), labels=labels)
 
 

@@ -116,7 +116,7 @@ class VirtualRig:
         before = inputs_before(self.model, runs) if self.model.delays else None  # which a rest has, and known starts have not
         done = simulate(self.model, runs.starting(x0, before), self.theta, rtol=self.rtol, jumps="cross")
         completed = np.arange(runs.dt.shape[1]) < done.reached[:, None]
-        there = runs.measured & completed & (done.status != Status.not_finite)[:, None]
+        there = runs.readings & (completed & (done.status != Status.not_finite)[:, None])[:, :, None]
         counts = failures_of(done.status)
         self._failures += counts
         reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
@@ -129,8 +129,8 @@ class VirtualRig:
                 RuntimeWarning,
                 stacklevel=2,
             )
-        y = readings(self._sensors, np.where(there[:, :, None], done.y, 0.0), white, memory)
-        y = np.where(there[:, :, None] & self._sensors.measured, y, np.nan)
+        y = readings(self._sensors, np.where(there, done.y, 0.0), white, memory)
+        y = np.where(there & self._sensors.measured, y, np.nan)
         return Measurements(planned, y.reshape(*planned.dt.shape, -1))
 
     def __repr__(self) -> str:

@@ -223,7 +223,7 @@ def plot_time(fit: FitStatistics) -> Figure:
         times = [
             None
             if run is None
-            else RunTime((held := holds_of(run.u, run.dt, run.measured).dt[0])[held > 0], path if run.segments[0] == 1 else None)
+            else RunTime((held := holds_of(run.u, run.dt, run.readings).dt[0])[held > 0], path if run.segments[0] == 1 else None)
             for (_, _, run), path in zip(series, paths, strict=True)
         ]
         width = max(7.2 / len(series), 4.6, *(time.width for time in times if time))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.checks import as_sequence, as_std, by_name, check_choice, check_names, some_names_among
-from ..basics.messages import shown
+from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
 from ..basics.result_files import Codec
 from ..basics.values import Array, IntArray
@@ -151,6 +151,8 @@ class DesignProblem(InNotebooks):
             warn_of_small_states(self.model, "the region keeps", np.array(bounds).reshape(-1, 2).T, stacklevel=4)
         if self.noise is not None:
             set_field(self, "noise", checked_noise(self.noise, names_of(self.model.outputs)))
+        if isinstance(every := getattr(self.region, "sample_every", None), Mapping):
+            self._check_clocks(every)
         set_field(self, "local", checked_local(self.local, everything) or None)
         shared = tuple(name for name in everything if name not in self.local_parameters)
         given = (shared or everything) if self.parameters is None else self.parameters
@@ -168,6 +170,16 @@ class DesignProblem(InNotebooks):
             given_region = "None" if of is None else "one of runs"
             raise ValueError(f"region: expected a region of points for output_covariance='region', given {given_region}")
         self.check_weighs(str(self.output_covariance))
+
+    def _check_clocks(self, every: Iterable[str]) -> None:
+        """Raise unless the outputs with samples of their own are those that are measured."""
+        there = [name for name, one in zip(names_of(self.model.outputs), self.measured, strict=True) if one]
+        for name in (name for name in there if name not in every):
+            raise ValueError(
+                f"sample_every: expected instants of each output that noise has, {listed(there)}; given none of {name!r}"
+            )
+        for name in (name for name in every if name not in there):
+            raise ValueError(f"sample_every: expected instants of outputs that noise has, {listed(there)}; given some of {name!r}")
 
     def check_weighs(self, kind: str) -> None:
         """Raise where D of this kind, or what is drawn anew, does not go with the noise, or with local parameters."""

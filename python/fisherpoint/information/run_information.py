@@ -15,7 +15,7 @@ from ..points.settings import Integration, checked_arguments, resolve_threads
 from ..points.status import Status, only_finite
 from .point_information import PointInformation, point_information
 from .problem import DesignProblem
-from .run_tangents import RunRows, run_tangents
+from .run_tangents import RunRows, informed, run_tangents
 
 MOST_SEGMENTS = 200_000
 """Segments that the engine is given at once, so that memory stays bounded."""
@@ -61,7 +61,8 @@ def information_of(problem: DesignProblem, runs: Runs, threads: int | None, over
     refuse_failures(problem.limited, runs, problem.theta, settings, rows.status)
     sensitivity, _ = rows.samples(runs)
     n_y = sensitivity.shape[1]
-    return PointInformation(runs, sensitivity, np.zeros((len(sensitivity), n_y, n_y)))
+    measured = None if runs.by_output is None else runs.by_output[runs.measured]
+    return PointInformation(runs, sensitivity, np.zeros((len(sensitivity), n_y, n_y)), measured=measured)
 
 
 def samples_at(
@@ -103,8 +104,8 @@ def _plain_rows(
         model, theta = problem.assumed.model, problem.assumed.theta(theta)
     result = checked_run_sensitivities(model, runs, theta, settings, outputs_alone=True)
     scaled = problem.standardised(result.dy_dtheta)
-    if informative is not None:
-        scaled = np.where(informative[..., None], scaled, 0.0)
+    if informative is not None or runs.by_output is not None:
+        scaled = np.where(informed(runs, informative)[..., None], scaled, 0.0)
     status = only_finite(result.status, scaled)
     scaled[status != Status.ok] = 0.0
     return RunRows(scaled, status)

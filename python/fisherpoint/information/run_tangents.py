@@ -64,7 +64,7 @@ class RunTangents(NamedTuple):
     def rows(self, problem: DesignProblem, informative: NDArray[np.bool_] | None = None) -> RunRows:
         """The rows as the Fisher matrix takes them; outputs not `informative` (K, N, n_y), or not measured, have no weight."""
         assumed = problem.assumed
-        there = (self.runs.measured[:, :, None] if informative is None else informative) & problem.measured
+        there = informed(self.runs, informative) & problem.measured
         there = there[..., None]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
             scaled = np.where(there, problem.standardised(self.dy), 0.0)
@@ -81,6 +81,13 @@ class RunTangents(NamedTuple):
                 status = only_finite(status, scaled)
         scaled[status != Status.ok] = 0.0
         return RunRows(scaled, status)
+
+
+def informed(runs: Runs, informative: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    """Outputs with information, (K, N, n_y) or (K, N, 1) of all: those that are measured, or of these the `informative` ones."""
+    if informative is None or runs.by_output is None:
+        return runs.readings if informative is None else informative
+    return runs.by_output & informative
 
 
 def run_tangents(
@@ -193,7 +200,7 @@ def moves_of_runs(assumed: Assumed, runs: Runs, theta: Array, settings: Integrat
     """
     result = checked_run_sensitivities(assumed.model, runs, assumed.theta(theta), settings, outputs_alone=True)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
-        moved = np.where(runs.measured[:, :, None, None], result.dy_dtheta[..., assumed.columns] * assumed.std, 0.0)
+        moved = np.where(runs.readings[..., None], result.dy_dtheta[..., assumed.columns] * assumed.std, 0.0)
     status = only_finite(result.status, moved)
     moved[status != Status.ok] = 0.0
     return moved, status

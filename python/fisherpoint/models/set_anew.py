@@ -13,7 +13,7 @@ import sympy
 
 from ..basics.checks import as_sequence, check_known
 from ..basics.messages import shown
-from ..basics.units import convert_unit
+from ..basics.units import seconds
 from .equation_text import parse_condition
 from .expressions import checked
 from .given_equations import Written, equation_of
@@ -104,22 +104,8 @@ def _times(text: str, place: str) -> UpdateTimes:
     if text == EACH_SEGMENT:
         return UpdateTimes(text)
     if found := re.fullmatch(r"every (.+?)(?: from (.+))?", text):
-        every, first = _time(found[1], place), 0.0 if found[2] is None else _time(found[2], place)
+        every, first = seconds(found[1], place), 0.0 if found[2] is None else seconds(found[2], place)
         if not every > 0:
             raise ValueError(f"{place}: expected a period of more than 0 s, given {every:g}")
         return UpdateTimes(text, (first,), every)
-    return UpdateTimes(text, tuple(sorted({_time(one, place) for one in text.removeprefix("at ").split(",")})))
-
-
-def _time(text: str, place: str) -> float:
-    found = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-zµ]+)\s*", text)
-    try:
-        if found is None:
-            raise ValueError
-        value = float(found[1])
-    except ValueError:
-        raise ValueError(f"{place}: expected a time with its unit, as 5 ms, given {shown(text)}") from None
-    try:
-        return float(convert_unit(value, found[2], "s"))
-    except ValueError as error:
-        raise ValueError(f"{place}: expected a unit of time, given {shown(found[2])}") from error
+    return UpdateTimes(text, tuple(sorted({seconds(one, place) for one in text.removeprefix("at ").split(",")})))

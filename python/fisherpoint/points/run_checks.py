@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..basics.checks import as_positive
 from ..basics.messages import shown
-from ..basics.units import converted
+from ..basics.units import converted, seconds
 from ..basics.values import Array
 from .bounds import split_unit
 
@@ -49,6 +49,13 @@ def of_segments(array: NDArray[Any], shape: tuple[int, int], name: str) -> NDArr
     return np.broadcast_to(array, shape).copy()
 
 
+def of_outputs(flags: Flags, shape: tuple[int, int]) -> Flags:
+    """Flags of each output for every segment, (K, N, n_y)."""
+    if flags.shape[:2] != shape or not flags.shape[2]:
+        raise ValueError(f"measured: expected shape {shape}, or ({shape[0]}, {shape[1]}, n_y) by outputs, given {flags.shape}")
+    return flags
+
+
 def check_segments(dt: Array, measured: Flags) -> None:
     for wrong, what in ((dt < 0, "no negative ones"), ((dt[:, :-1] == 0) & (dt[:, 1:] > 0), "none of zero before others")):
         if wrong.any():
@@ -64,7 +71,9 @@ MOST_SAMPLES = 1_000_000
 
 
 def as_period(given: Any, name: str) -> float:
-    """A period in s, given as a number, or with a unit."""
+    """A period in s, given as a number, with a unit, or as text such as "1 ms"."""
+    if isinstance(given, str):
+        return as_positive(seconds(given, name), name, "period in s")
     number, unit = split_unit(given)
     if unit is None:
         return as_positive(number, name, "period in s")

@@ -15,7 +15,6 @@ from ..models import Model
 from .profiles import ActuatorClock, Fact, InputProfile
 from .run_region import RunRegion
 from .runs import Runs
-from .sampling import multiples, sample_counts
 
 ROUNDING = 1e-9
 """Share by which a step between levels may exceed what an input may change: 0.3 - 0.2 is more than 0.2 - 0.1."""
@@ -42,6 +41,8 @@ class RunCoordinates:
 
     Attributes
     ----------
+    clock : SampleClock, or None
+        When outputs are measured; None where the ends of segments are.
     names : tuple of str
         What each is of.
     shared : ndarray of bool, (d,)
@@ -53,6 +54,7 @@ class RunCoordinates:
     def __init__(self, region: RunRegion, model: Model) -> None:
         region.check(model, (*model.jumps, *model.kinks))
         self._region, self._model, n = region, model, region.segments
+        self.clock = region.clock(model)
         states, inputs = names_of(model.states), names_of(model.inputs)
         self._places: list[tuple[str, str, slice]] = []  # kind, name, and where its numbers are
         self.profiles: list[OfProfile] = []
@@ -156,28 +158,24 @@ class RunCoordinates:
             found[one.name] = tuple(Fact(fact.name, low + wide * fact.value, unit) for fact, low, wide, unit in facts)
         return FrozenMapping(found)
 
-    @property
-    def every(self) -> float | None:
-        """The period of samples, s; None where the ends of segments are measured."""
-        return self._region.sample_every
-
     def parts(self, looks: int) -> int:
         """Number of parts of a run at most, each segment of which is divided in so many, and at its samples."""
-        return looks * self.segments + (0 if self.every is None else int(self._region.longest / self.every) + 1)
+        return looks * self.segments + (0 if self.clock is None else len(self.clock.instants) + 1)
 
     def runs(self, z: Array) -> Runs:
         """The runs with free numbers z (K, d), as they are carried out and sampled."""
         return self.sampled(self.held(z))[0]
 
     def sampled(self, held: Runs, counts: NDArray[np.intp] | None = None) -> tuple[Runs, NDArray[np.intp] | None]:
-        """Runs of held segments as they are sampled, and which of their parts (K, N) ends each segment; None for its own.
+        """Runs of held segments (K, N) as they are sampled, and which of their parts (K, N) ends each segment; None for its own.
 
         With `counts` (K,) so many samples are measured, even where a run ends before.
         """
-        if self.every is None:
-            return held, None
-        counts = sample_counts(held.dt, self.every) if counts is None else counts
-        return held.divided_at(multiples(self.every, counts), self.every)
+        return (
+            (held, None)
+            if self.clock is None
+            else held.sampled_by(self.clock, self.clock.counts(held.dt) if counts is None else counts)
+        )
 
     def held(self, z: Array) -> Runs:
         """The runs with free numbers z (K, d), by their held segments."""

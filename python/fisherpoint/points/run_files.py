@@ -18,13 +18,15 @@ from ..models import Model
 from .experiments import columns_of, place_names
 from .rest import Rest, Rests
 from .run_checks import check_period
-from .sampling import Holds, divided, holds_of, multiples, sample_counts, segments_of
+from .sample_clock import SampleClock
+from .sampling import Holds, divided, holds_of, segments_of
 
 RUN, SEGMENT = Quantity("run", "1", "number of a run, from 1"), Quantity("segment", "1", "number of a segment of it, from 1")
 MEASURED = Quantity("measured", "1", "whether the outputs are measured at the segment's end")
 REST, ALL = "rest", "all"
 """The column that names the states that are at rest at the start, and what stands there for all; `rest_u` has the input u."""
 EVERY = Quantity("sample_every", "s", "period at which the outputs are measured instead, up to the end of the run")
+"""With the name of an output behind, as `sample_every_q` and `measured_q`, a column is of that output alone."""
 TIMES = "t", "time", "time_of_sample"
 """Names of a column of times: the first that is no input of the model is used."""
 
@@ -44,9 +46,13 @@ class RunArrays(Protocol):
     u: Array
     dt: Array
     measured: NDArray[np.bool_]
+    by_output: NDArray[np.bool_] | None
     rests: Rests | None
     before: Array | None
     columns: tuple[str, ...] | None
+
+    @property
+    def readings(self) -> NDArray[np.bool_]: ...
 
 
 def runs_csv(
@@ -54,11 +60,10 @@ def runs_csv(
 ) -> str:
     """The text of a file of runs, see `Runs.to_csv`, with columns of outputs (K, N), and of labels of the runs, behind."""
     columns, rests, n_x, n_u = runs.columns, runs.rests, runs.x0.shape[1], runs.u.shape[2]
-    held = (
-        Holds(runs.u, runs.dt, runs.measured, np.full(len(runs.dt), np.nan))
-        if outputs
-        else holds_of(runs.u, runs.dt, runs.measured)
-    )
+    as_it_is = Holds(runs.u, runs.dt, runs.measured, np.full((len(runs.dt), 1), np.nan))
+    held = as_it_is if outputs else holds_of(runs.u, runs.dt, runs.readings)
+    if model is None and runs.by_output is not None:
+        raise ValueError("model: expected the model, whose outputs are measured at different instants, given none")
     if model is not None:
         check_type(model, Model, "model")
         check_alike([(len(model.states), len(model.inputs)), (n_x, n_u)], "states and inputs", "model")
@@ -73,10 +78,17 @@ def runs_csv(
         for run, segment, row in zip(k.tolist(), n.tolist(), numbers, strict=True)
     ]
     header = (RUN.name, SEGMENT.name, *names, DURATION.name, MEASURED.name)
-    if not np.isnan(held.every).all():
-        header = (*header, EVERY.name)
+    of_outputs = () if model is None else names_of(model.outputs)
+    if runs.by_output is not None and not held.dense.all():
+        header = (*header, *(f"{MEASURED.name}_{name}" for name in of_outputs))
         for row, run, segment in zip(rows, k.tolist(), n.tolist(), strict=True):
-            row.append(held.every[run] if segment == 0 else np.nan)
+            flags = runs.by_output[run, segment].tolist()
+            row += [""] * len(flags) if held.dense[run] else [str(int(flag)) for flag in flags]
+    if held.dense.any():
+        header = (*header, *periods_in(held, of_outputs))
+        for row, run, segment in zip(rows, k.tolist(), n.tolist(), strict=True):
+            every = held.every[run] if held.by_output else held.every[run, :1]
+            row += every.tolist() if segment == 0 else [np.nan] * len(every)
     if rests is not None:
         inputs, given = names[n_x:], _given_outputs(rests)
         header = (*header, *rest_columns(inputs, given))
@@ -94,6 +106,11 @@ def runs_csv(
         taken = listed((RUN.name, SEGMENT.name, DURATION.name, MEASURED.name, *outputs))
         raise ValueError(f"columns: expected names that differ from {taken}; given {listed(names)}")
     return csv_text(header, rows)
+
+
+def periods_in(held: Holds, outputs: Sequence[str]) -> tuple[str, ...]:
+    """The columns of the periods of runs."""
+    return tuple(f"{EVERY.name}_{name}" for name in outputs) if held.by_output else (EVERY.name,)
 
 
 def rest_columns(inputs: Sequence[str], outputs: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -121,31 +138,80 @@ def read_runs(
     table: DataTable, model: Model, ignored: Collection[str] = ()
 ) -> tuple[Array, Array, Array, NDArray[np.bool_], list[Rest | None] | None, Array | None]:
     """x0, u, dt, measured, rest and inputs before the start of the runs in a table; see `Runs.from_csv`."""
-    further, before = rest_columns_of(table, model), before_columns_of(table, model)
+    further, before, flags = rest_columns_of(table, model), before_columns_of(table, model), flag_columns_of(table, model)
+    of_outputs = _own_columns(table, model, EVERY.name)
     every = (EVERY.name,) if EVERY.name in table and EVERY.name not in columns_of(model) else ()
-    x0, u, dt, measured = runs_of_table(table, model, (*further, *before, *every), ignored)
-    u, dt, measured = _sampled(table, u, dt, measured) if every else (u, dt, measured)
+    if every and of_outputs:
+        raise ValueError(f"{table.path}: expected {EVERY.name} of all outputs or of each, given {listed((*every, *of_outputs))}")
+    x0, u, dt, measured = runs_of_table(table, model, (*further, *before, *flags, *every, *of_outputs), ignored)
+    columns = dict.fromkeys(every, "") | of_outputs
+    measured = flags_of_table(table, model, measured, periodic=bool(columns))
+    u, dt, measured = _sampled(table, model, u, dt, measured, columns) if columns else (u, dt, measured)
     return x0, u, dt, measured, rest_of_table(table, model) if further else None, before_of_table(table, model)
 
 
-def _sampled(table: DataTable, u: Array, dt: Array, measured: NDArray[np.bool_]) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Runs of a table, those with a period divided at its multiples."""
-    first, periods = np.diff(table.complete(RUN), prepend=0.0) != 0, table.numbers(EVERY.name, EVERY.unit)
-    table.refuse(~first & ~np.isnan(periods), EVERY.name, "nothing behind the first row of a run")
-    table.refuse(first & (periods <= 0), EVERY.name, "a positive period, or nothing")
-    parts = []
+def _sampled(
+    table: DataTable, model: Model, u: Array, dt: Array, measured: NDArray[np.bool_], columns: Mapping[str, str]
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Runs of a table, those with periods divided at their multiples; `columns` have the output of each, "" of all."""
+    outputs, first = names_of(model.outputs), np.diff(table.complete(RUN), prepend=0.0) != 0
+    periods = {column: table.numbers(column, EVERY.unit) for column in columns}
+    for column, of in periods.items():
+        table.refuse(~first & ~np.isnan(of), column, "nothing behind the first row of a run")
+        table.refuse(first & (of <= 0), column, "a positive period, or nothing")
+    by_output, parts = measured.ndim == 3 or "" not in columns.values(), []
     for k, row in enumerate(np.flatnonzero(first).tolist()):
-        n, every = int(np.count_nonzero(dt[k])), float(periods[row])
-        if np.isnan(every):
-            parts.append((u[k, :n], dt[k, :n], measured[k, :n]))
-            continue
-        try:
-            check_period(every, float(dt[k].sum()), float(dt[k].sum()), EVERY.name)
-        except ValueError as error:
-            raise table.error(row, EVERY.name, str(error).removeprefix(f"{EVERY.name}: ")) from error
-        fine = divided(dt[k : k + 1, :n], multiples(every, sample_counts(dt[k : k + 1, :n], every)), every)
-        parts.append((u[k, fine.of[0]], fine.dt[0], fine.measured[0]))
+        n, every = int(np.count_nonzero(dt[k])), {column: float(of[row]) for column, of in periods.items() if not np.isnan(of[row])}
+        held, durations, flags = u[k, :n], dt[k, :n], measured[k, :n]
+        for column, period in every.items():
+            try:
+                check_period(period, float(dt[k].sum()), float(dt[k].sum()), column)
+            except ValueError as error:
+                raise table.error(row, column, str(error).removeprefix(f"{column}: ")) from error
+        if every:
+            of_outputs = {columns[column]: period for column, period in every.items()}
+            clock = SampleClock.of(of_outputs.get("", of_outputs), float(durations.sum()), outputs)
+            fine = divided(durations[None], clock.times(clock.counts(durations[None])), clock.every)
+            held, durations, flags = held[fine.of[0]], fine.dt[0], clock.readings(fine.measured)[0]
+            flags = flags if by_output else flags[:, 0]
+        if by_output:
+            flags = np.broadcast_to(flags.reshape(len(flags), -1), (len(flags), len(outputs)))
+        parts.append((held, durations, flags))
     return segments_of(parts)
+
+
+def _own_columns(table: DataTable, model: Model, head: str) -> dict[str, str]:
+    """Columns of a table that are of an output alone, and the output."""
+    columns = {f"{head}_{name}": name for name in names_of(model.outputs)}
+    return {column: name for column, name in columns.items() if column in table and column not in columns_of(model)}
+
+
+def flag_columns_of(table: DataTable, model: Model) -> tuple[str, ...]:
+    """The columns that say which outputs are measured; none where a table does not."""
+    given = _own_columns(table, model, MEASURED.name)
+    for missing in (f"{MEASURED.name}_{name}" for name in names_of(model.outputs) if given and name not in given.values()):
+        raise ValueError(f"{table.path}: expected the column {missing} beside {next(iter(given))}, given none")
+    return tuple(given)
+
+
+def flags_of_table(table: DataTable, model: Model, measured: NDArray[np.bool_], periodic: bool = False) -> NDArray[np.bool_]:
+    """Which segments are measured (K, N), or which outputs (K, N, n_y), of a table whose runs are known to be in order.
+
+    Where runs may be `periodic` flags of outputs may be left out.
+    """
+    columns = flag_columns_of(table, model)
+    if not columns:
+        return measured
+    k = table.complete(RUN).astype(int) - 1
+    n = table.complete(SEGMENT).astype(int) - 1
+    found = np.zeros((*measured.shape, len(columns)), dtype=bool)
+    for j, column in enumerate(columns):
+        flags = table.numbers(column, "1")
+        known = np.isnan(flags) if periodic else np.zeros(len(flags), dtype=bool)
+        table.refuse(~known & (flags != 0) & (flags != 1), column, "1 or 0")
+        table.refuse((flags == 1) & ~measured[k, n], column, f"no 1 where {MEASURED.name} is 0")
+        found[k, n, j] = (flags == 1) | (known & measured[k, n])
+    return found
 
 
 def before_columns_of(table: DataTable, model: Model) -> tuple[str, ...]:
@@ -258,14 +324,15 @@ def plan_csv(runs: RunArrays, model: Model) -> str:
     """The text of a time table: the times of each run at which inputs are set, and whether a sample is taken just before.
 
     A run's last row is its end, at which the inputs stay as they are. Runs that are sampled densely have a row for each hold alone,
-    and the period of the samples in their first. The head has units, and numbers ten digits, without the
-    rounding of sums: the table is for people and sequencers, and nothing reads it back.
+    and the period of the samples, or of those of each output, in their first. The head has units, and numbers ten digits,
+    without the rounding of sums: the table is for people and sequencers, and nothing reads it back.
     """
     timed = (Quantity(time_name(names_of(model.inputs)), "s"), *model.inputs)
-    of, often = holds_of(runs.u, runs.dt, runs.measured), f"{EVERY.name} [{EVERY.unit}]"
-    periodic = not np.isnan(of.every).all()
+    of, outputs = holds_of(runs.u, runs.dt, runs.readings), names_of(model.outputs)
+    periodic, apart = bool(of.dense.any()), runs.by_output is not None and not of.dense.all()
     header = (RUN.name, *(q.name if q.unit in ("", "1") else f"{q.name} [{q.unit}]" for q in timed), "measure")
-    header = (*header, often) if periodic else header
+    header = (*header, *(f"measure {name}" for name in outputs)) if apart else header
+    header = (*header, *(f"{name} [{EVERY.unit}]" for name in periods_in(of, outputs))) if periodic else header
     rows: list[list[Any]] = []
     for k, dt in enumerate(of.dt):
         n = int(np.count_nonzero(dt))
@@ -276,8 +343,13 @@ def plan_csv(runs: RunArrays, model: Model) -> str:
             [str(k + 1), *(f"{value:.10g}" for value in (time, *values)), "yes" if flag else "no"]
             for time, values, flag in zip(t.tolist(), held.tolist(), flags.tolist(), strict=True)
         ]
+        if apart:
+            known = np.full((n + 1, len(outputs)), "no", dtype=object)
+            known[1:] = "" if of.dense[k] else np.where(runs.readings[k, :n], "yes", "no")
+            own = [[*row, *words] for row, words in zip(own, known.tolist(), strict=True)]
         if periodic:
-            period = "" if np.isnan(of.every[k]) else f"{of.every[k]:.10g}"
-            own = [[*row, period if place == 0 else ""] for place, row in enumerate(own)]
+            every = of.every[k] if of.by_output else of.every[k, :1]
+            periods = ["" if np.isnan(period) else f"{period:.10g}" for period in every]
+            own = [[*row, *(periods if place == 0 else [""] * len(periods))] for place, row in enumerate(own)]
         rows += own
     return csv_text(header, rows)

@@ -29,7 +29,8 @@ from .profile_kinds import PROFILES
 from .profiles import ActuatorClock, Given, Held, InputProfile
 from .region import refuse_fixed_on_surface
 from .rest import Rest
-from .run_checks import as_flags, as_period, check_period
+from .run_checks import as_flags
+from .sample_clock import Every, SampleClock, as_every
 
 MOST_SEGMENTS = 10_000
 
@@ -66,9 +67,10 @@ class RunRegion:
         closed system keeps; states that are held vary within theirs.
     samples : int, optional
         The design takes the best so many of these of each run. Default: all.
-    sample_every : float, or (float, unit), optional
+    sample_every : float, (float, unit), text such as "1 ms", or (S,), or a mapping of output to these, optional
         The period at which all outputs are measured instead, s: at all of its multiples up to the end of a run, whatever the
-        segments are.
+        segments are. Or a table of instants from the start, s, which may end with a unit; those behind the end of a shorter run are
+        left out. Of a mapping each output has its own; outputs that it does not name are not measured.
     profile : InputProfile, or mapping of input to InputProfile, optional
         How the values of all inputs, or of some, follow from a few numbers: `Ramps`, `Spline`, `Multisine`, `Chirp` or `PRBS`;
         `Held` is the default, a number for each segment. The bounds of ``"dt"`` must be one value then, the actuator's clock.
@@ -134,20 +136,14 @@ class RunRegion:
         self.rest = rest
         self.measured: tuple[bool, ...] = tuple(flags.tolist())
         self.samples = None if samples is None else check_positive_int(samples, "samples", most=int(flags.sum()))
-        self.sample_every = None if sample_every is None else self._period(sample_every)
+        self.sample_every: Every | None = None if sample_every is None else self._every(sample_every)
         self.profile = self._profiles(profile, names)
 
-    def _period(self, given: Any) -> float:
-        if isinstance(given, Mapping):
-            raise TypeError(f"sample_every: expected one period for all outputs, as all are measured at once; given {shown(given)}")
+    def _every(self, given: Any) -> Every:
         for name, beside in (("measured", not all(self.measured)), ("samples", self.samples is not None)):
             if beside:
-                raise ValueError(
-                    f"{name}: expected none beside sample_every, which measures at all multiples of the period, given some"
-                )
-        every = as_period(given, "sample_every")
-        check_period(every, self.segments * self.bounds["dt"][0], self.longest, "sample_every")
-        return every
+                raise ValueError(f"{name}: expected none beside sample_every, which measures at instants of its own, given some")
+        return as_every(given, "sample_every", self.segments * self.bounds["dt"][0], self.longest)
 
     def _profiles(self, given: Any, names: tuple[str, ...]) -> InputProfile | Mapping[str, InputProfile] | None:
         """Profiles that are not `Held`, each of which has room on the clock."""
@@ -199,6 +195,14 @@ class RunRegion:
             return None
         return self.profile.get(name) if isinstance(self.profile, Mapping) else self.profile
 
+    def clock(self, model: Model) -> SampleClock | None:
+        """When outputs of a model are measured, up to the end of the longest run; None where the ends of segments are."""
+        return None if self.sample_every is None else SampleClock.of(self.sample_every, self.longest, names_of(model.outputs))
+
+    def sampling(self, every: Every) -> RunRegion:
+        """Return this region with other periods, s, or tables of samples."""
+        return RunRegion(**self._arguments() | {"sample_every": every})
+
     @property
     def longest(self) -> float:
         """The longest that a run may last, s."""
@@ -218,6 +222,8 @@ class RunRegion:
             raise ValueError(f"model: expected one with states for runs, given {model.name}")
         inputs, states = names_of(model.inputs), names_of(model.states)
         check_known(self.given, inputs, "profile")
+        if isinstance(self.sample_every, Mapping):
+            check_known(self.sample_every, names_of(model.outputs), "sample_every", "names of outputs,")
         check_names(self.bounds, [name for name in names_of(model.axes) if name not in self.given], "region")
         for label, given, known in (
             ("constant", self.constant, (*inputs, "dt")),
@@ -262,7 +268,8 @@ class RunRegion:
         return hash(self._identity())
 
     def __repr__(self) -> str:
-        often = "" if self.sample_every is None else f", sample_every={self.sample_every:g}"
+        every = self.sample_every
+        often = "" if every is None else f", sample_every={dict(every) if isinstance(every, Mapping) else every!r}"
         profile = "" if self.profile is None else f", profile={self.profile!r}"
         return f"RunRegion({with_units(self.bounds, self.units)!r}, segments={self.segments}{often}{profile})"
 

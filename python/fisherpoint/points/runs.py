@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
@@ -10,9 +10,10 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..basics.checks import as_floats, as_index, as_parts, as_path, check_alike, check_type
+from ..basics.checks import as_floats, as_index, as_parts, as_path, check_alike, check_known, check_type
 from ..basics.files import write_whole
 from ..basics.messages import shown
+from ..basics.quantity import names_of
 from ..basics.table import DataTable
 from ..basics.values import Array
 from ..models import Model
@@ -21,9 +22,12 @@ from ..show.table_preview import InNotebooks, first_rows, numbered
 from .experiments import Experiments, checked_columns, columns_of
 from .rest import Rest, Rests, any_rests, as_rests, joined_rests
 from .run_checks import Flags as Flags
-from .run_checks import as_flags, as_period, check_period, check_segments, inputs_before, of_segments
+from .run_checks import as_flags, check_segments, inputs_before, of_outputs, of_segments
 from .run_files import read_runs, runs_csv
-from .sampling import divided, multiples, sample_counts
+from .sample_clock import SampleClock, as_every
+from .sampling import divided
+
+_PARTS = ("x0", "u", "dt", "measured", "columns", "rests", "before", "by_output")
 
 
 class Runs(InNotebooks):
@@ -37,8 +41,8 @@ class Runs(InNotebooks):
         Inputs of every segment; (K, N) is taken for a single input.
     dt : array_like, (K, N), or (N,) or a number for all runs
         Durations of the segments, s. A run of fewer segments has zeros behind its last one.
-    measured : array_like of bool, (K, N), or (N,) for all runs, optional
-        Segments at whose ends the outputs are measured. Default: all.
+    measured : array_like of bool, (K, N), or (N,) for all runs, or (K, N, n_y), optional
+        Segments at whose ends the outputs are measured, or which outputs are. Default: all.
     rest : Rest, or a sequence of K, optional
         Starts that are found where the plant is at rest, by parameters; x0 is the guess then. None stands for a run that is not.
     before : array_like, (K, n_u), or (n_u,) for all runs, optional
@@ -46,6 +50,13 @@ class Runs(InNotebooks):
         of NaN stands for the default: those of the rest of a run that starts at rest, else those of the first segment.
     columns : tuple of str, optional
         Names of the states and inputs, for files; the model's, where the runs come from one.
+
+    Attributes
+    ----------
+    measured : ndarray of bool, (K, N)
+        Segments at whose ends an output is measured: a sample.
+    by_output : ndarray of bool, (K, N, n_y), or None
+        Which outputs are; None where all outputs are measured in each sample.
 
     Raises
     ------
@@ -80,7 +91,12 @@ class Runs(InNotebooks):
         if not shape[1]:
             raise ValueError("u: expected at least one segment, given none")
         self.dt = of_segments(as_floats(dt, "dt"), shape, "dt")
-        self.measured: Flags = of_segments(as_flags(measured), shape, "measured") & (self.dt > 0)
+        flags, there = as_flags(measured), self.dt > 0
+        self.by_output: Flags | None = None
+        if flags.ndim == 3:
+            self.by_output = of_outputs(flags, shape) & there[:, :, None]
+            flags = np.asarray(self.by_output.any(axis=2))
+        self.measured: Flags = of_segments(flags, shape, "measured") & there
         check_segments(self.dt, self.measured)
         self.columns = None if columns is None else checked_columns(columns, self.x0.shape[1] + self.u.shape[2])
         self.rests = as_rests(rest, count)
@@ -105,6 +121,9 @@ class Runs(InNotebooks):
             width = [(0, 0), (0, longest - array.shape[1]), *[(0, 0)] * (array.ndim - 2)]
             return np.pad(array, width, mode="edge") if mode == "edge" else np.pad(array, width)
 
+        outputs = max(part.readings.shape[2] for part in parts)
+        check_alike([part.by_output.shape[2] for part in parts if part.by_output is not None], "outputs")
+        readings = [np.broadcast_to(part.readings, (*part.dt.shape, outputs)) for part in parts]
         return Runs._of(
             np.concatenate([part.x0 for part in parts]),
             np.concatenate([padded(part.u, "edge") for part in parts]),
@@ -113,6 +132,7 @@ class Runs(InNotebooks):
             parts[0].columns,
             joined_rests([(part.rests, len(part)) for part in parts]),
             None if all(part.before is None for part in parts) else np.concatenate([part._before for part in parts]),
+            np.concatenate([padded(part, "zero") for part in readings]),
         )
 
     @classmethod
@@ -125,21 +145,33 @@ class Runs(InNotebooks):
         columns: tuple[str, ...] | None,
         rests: Rests | None = None,
         before: Array | None = None,
+        by_output: Flags | None = None,
     ) -> Runs:
         """Runs whose parts are known to be valid."""
         runs = cls.__new__(cls)
         runs.x0, runs.u, runs.dt, runs.measured, runs.columns, runs.rests, runs.before = x0, u, dt, measured, columns, rests, before
+        runs.by_output = by_output
         runs._keep()
         return runs
 
+    def _with(self, **changes: Any) -> Runs:
+        """These runs with some of their parts changed."""
+        return Runs._of(**{name: getattr(self, name) for name in _PARTS} | changes)
+
     def _keep(self) -> None:
-        for array in (self.x0, self.u, self.dt, self.measured, self.rests, self.before):
+        if self.by_output is not None and (self.by_output == self.measured[:, :, None]).all():
+            self.by_output = None
+        for array in (self.x0, self.u, self.dt, self.measured, self.rests, self.before, self.by_output):
             if array is not None:
                 array.flags.writeable = False
 
     def _arguments(self) -> dict[str, Any]:
-        rest = None if self.rests is None else tuple(self.rests)
-        return {name: getattr(self, name) for name in ("x0", "u", "dt", "measured", "before", "columns")} | {"rest": rest}
+        rest, measured = (
+            None if self.rests is None else tuple(self.rests),
+            self.measured if self.by_output is None else self.by_output,
+        )
+        parts = {name: getattr(self, name) for name in ("x0", "u", "dt", "before", "columns")}
+        return parts | {"measured": measured, "rest": rest}
 
     def __len__(self) -> int:
         return len(self.x0)
@@ -149,7 +181,9 @@ class Runs(InNotebooks):
         try:
             rests = None if self.rests is None else any_rests(self.rests[rows])
             before = None if self.before is None else self.before[rows]
-            return Runs._of(self.x0[rows], self.u[rows], self.dt[rows], self.measured[rows], self.columns, rests, before)
+            some = {name: getattr(self, name)[rows] for name in ("x0", "u", "dt", "measured")}
+            by_output = None if self.by_output is None else self.by_output[rows]
+            return self._with(**some, rests=rests, before=before, by_output=by_output)
         except IndexError as error:
             raise IndexError(f"runs: expected indices below {len(self)}, or as many flags; given {shown(index)}") from error
 
@@ -166,14 +200,15 @@ class Runs(InNotebooks):
     __hash__ = None  # type: ignore[assignment]  # arrays
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Runs._of, (self.x0, self.u, self.dt, self.measured, self.columns, self.rests, self.before)
+        return Runs._of, tuple(getattr(self, name) for name in _PARTS)
 
     def __repr__(self) -> str:
         lengths = np.unique(self.segments)
         segments = f"{lengths[0]}" if len(lengths) == 1 else f"up to {lengths.max(initial=0)}"
         resting = sum(one is not None for one in self.rest)
         at_rest = f", {'all' if resting == len(self) else resting} from rest" if resting else ""
-        return f"Runs({len(self)} of {segments} segments, {self.measured.sum()} samples, {self.u.shape[2]} inputs{at_rest})"
+        rates = "" if self.by_output is None else f" of {' and '.join(map(str, self.by_output.sum(axis=(0, 1))))} readings"
+        return f"Runs({len(self)} of {segments} segments, {self.measured.sum()} samples{rates}, {self.u.shape[2]} inputs{at_rest})"
 
     def _in_notebook(self) -> Report:
         n_x = self.x0.shape[1]
@@ -182,8 +217,10 @@ class Runs(InNotebooks):
         starts = first_rows(len(self), {"run": list(map(str, range(len(self)))), **dict(zip(names[:n_x], self.x0.T, strict=True))})
         held = dict(zip(names[n_x:], self.u[run, segment].T, strict=True))
         places = {"run": list(map(str, run)), "segment": list(map(str, segment))}
-        measured = ["yes" if one else "" for one in self.measured[run, segment]]
-        table = first_rows(len(run), {**places, **held, "dt": self.dt[run, segment], "measured": measured})
+        flags = self.readings[run, segment]
+        heads = ["measured"] if self.by_output is None else [f"measured y[{j}]" for j in range(flags.shape[1])]
+        measured = {head: ["yes" if one else "" for one in of] for head, of in zip(heads, flags.T, strict=True)}
+        table = first_rows(len(run), {**places, **held, "dt": self.dt[run, segment], **measured})
         return Report(repr(self), [replace(starts, title="Starts"), replace(table, title="Segments")])
 
     @property
@@ -194,6 +231,11 @@ class Runs(InNotebooks):
     @property
     def _before(self) -> Array:
         return np.full((len(self), self.u.shape[2]), np.nan) if self.before is None else self.before
+
+    @property
+    def readings(self) -> Flags:
+        """Which outputs are measured at the ends of segments: (K, N, n_y), or (K, N, 1) where all are in each sample."""
+        return self.measured[:, :, None] if self.by_output is None else self.by_output
 
     @property
     def controlled(self) -> Flags:
@@ -235,7 +277,7 @@ class Runs(InNotebooks):
         """
         there = self.dt > 0
         parts = [self.x0, np.where(there[:, :, None], self.u, 0.0).reshape(len(self), -1), self.dt]
-        parts += [self.measured] if sampled_alike else []
+        parts += [self.readings.reshape(len(self), -1)] if sampled_alike else []
         parts += [] if self.before is None else [np.where(np.isnan(self.before), np.inf, self.before)]
         if self.rests is not None:
             numbers: dict[Rest | None, int] = {}
@@ -245,8 +287,10 @@ class Runs(InNotebooks):
         return first, np.asarray(of.reshape(-1), dtype=np.intp)
 
     def _samples(self, run: int) -> Hashable:
-        """Key of what is done in a run, and of which segments are measured."""
-        return self.key(run), np.flatnonzero(self.measured[run]).tobytes()
+        """Key of what is done in a run, of which segments are measured, and which of the outputs, where these are not all."""
+        flags, all_of = self.readings[run], self.measured[run]
+        alike = bool((flags == all_of[:, None]).all())
+        return self.key(run), np.flatnonzero(all_of).tobytes(), b"" if alike else np.flatnonzero(flags).tobytes()
 
     def first_difference(self, other: Runs, own: NDArray[np.intp]) -> NDArray[np.intp]:
         """Number of segments that each run has in common with other[own], from the start on; 0 where their starts differ."""
@@ -268,22 +312,24 @@ class Runs(InNotebooks):
         """The runs up to the last of their `samples` (K, N); each has one at least, and these are measured."""
         needed = np.maximum.accumulate(samples[:, ::-1], axis=1)[:, ::-1]
         longest = slice(int(needed.sum(axis=1).max(initial=0)))
-        parts = self.u[:, longest], np.where(needed, self.dt, 0.0)[:, longest], samples[:, longest]
-        return Runs._of(self.x0, *parts, self.columns, self.rests, self.before)
+        by_output = None if self.by_output is None else (self.by_output & samples[:, :, None])[:, longest]
+        dt = np.where(needed, self.dt, 0.0)[:, longest]
+        return self._with(u=self.u[:, longest], dt=dt, measured=samples[:, longest], by_output=by_output)
 
     def starting(self, x0: Array, before: Array | None = None) -> Runs:
         """Return these runs with known starts (K, n_x), which need not be found, and inputs before them (K, n_u)."""
-        return Runs._of(x0, self.u, self.dt, self.measured, self.columns, None, self.before if before is None else before)
+        return self._with(x0=x0, rests=None, before=self.before if before is None else before)
 
     def divided(self, at: ArrayLike) -> Runs:
         """Return these runs with every segment divided at shares of its duration; the last one is 1, its part ends as before."""
         parts = np.diff(np.asarray(at), prepend=0.0)
-        dt, ends = (self.dt[:, :, None] * parts).reshape(len(self.dt), -1), np.zeros((*self.dt.shape, len(parts)), dtype=bool)
-        ends[:, :, -1] = self.measured
-        u, measured = np.repeat(self.u, len(parts), axis=1), ends.reshape(dt.shape)
-        return Runs._of(self.x0, u, dt, measured, self.columns, self.rests, self.before)
+        dt = (self.dt[:, :, None] * parts).reshape(len(self.dt), -1)
+        last = np.tile(np.arange(1, len(parts) + 1) == len(parts), self.dt.shape[1])
+        u, measured = (np.repeat(of, len(parts), axis=1) for of in (self.u, self.measured))
+        by_output = None if self.by_output is None else np.repeat(self.by_output, len(parts), axis=1) & last[:, None]
+        return self._with(u=u, dt=dt, measured=measured & last, by_output=by_output)
 
-    def sampled(self, every: Any = None, *, at: ArrayLike | None = None) -> Runs:
+    def sampled(self, every: Any, *, model: Model | None = None) -> Runs:
         """Return these runs with outputs that are measured at given instants, whatever the segments are.
 
         Segments are divided at the instants, which are measured, and their other ends are not. An instant that is the end of a
@@ -291,54 +337,59 @@ class Runs(InNotebooks):
 
         Parameters
         ----------
-        every : float, or (float, unit)
-            The period of the samples, s: all of its multiples up to the end of each run.
-        at : array_like, (S,)
-            Instants from the start of each run, s, instead; those behind the end of a shorter run are left out.
+        every : float, (float, unit), text such as "1 ms", or (S,), or a mapping of output to these
+            The period of the samples, s: all of its multiples up to the end of each run. Or a table of instants from the start, s,
+            which may end with a unit; those behind the end of a shorter run are left out.
+        model : Model, optional
+            Whose outputs a mapping names. Each is measured at instants of its own; outputs that are not named are not measured.
+
+        Returns
+        -------
+        Runs
+            K runs; `by_output` (K, N, n_y) has which outputs are measured where, if that differs.
 
         Raises
         ------
         TypeError, ValueError
-            Where neither or both are given, for instants that do not increase or lie behind the end of every run, and where a run
-            has no sample, or more than a million.
+            For a mapping without a model, unknown outputs, instants that do not increase, and where an output has no instant in
+            one of the runs, one behind all of them, or more than a million.
         """
-        if (every is None) == (at is None):
-            raise ValueError(
-                "sampled: expected one of every, a period, and at, instants; given " + ("none" if at is None else "both")
-            )
+        if not len(self):
+            return self
         ends = self.dt.sum(axis=1)
-        if at is None:
-            every = as_period(every, "every")
-            check_period(every, float(ends.min(initial=np.inf)), float(ends.max(initial=0.0)), "every")
-            return self.divided_at(multiples(every, sample_counts(self.dt, every)), every)[0]
-        times = as_floats(at, "at")
-        if times.ndim != 1 or not len(times) or times[0] <= 0 or (np.diff(times) <= 0).any():
-            raise ValueError(f"at: expected increasing instants above zero, in s, given {shown(at)}")
-        within = times <= ends[:, None] * (1 + 1e-12)
-        if not within.any(axis=1).all() or not within.any(axis=0).all():
-            raise ValueError(
-                f"at: expected instants within the runs, which end from {ends.min():g} s to {ends.max():g} s; given {shown(at)}"
-            )
-        return self.divided_at(np.where(within, times, np.inf))[0]
+        shortest, longest = float(ends.min()), float(ends.max())
+        if isinstance(every, Mapping):
+            if model is None:
+                raise TypeError("model: expected the model whose outputs have instants of their own, given None")
+            check_type(model, Model, "model")
+            check_known(every, names_of(model.outputs), "every", "names of outputs,")
+        names = () if model is None else names_of(model.outputs)
+        clock = SampleClock.of(as_every(every, "every", shortest, longest), longest, names)
+        return self.sampled_by(clock, clock.counts(self.dt))[0]
 
-    def divided_at(self, times: Array, every: float | None = None) -> tuple[Runs, NDArray[np.intp]]:
-        """Return these runs divided at times (K, S), where they are measured, and at which segment each of theirs ends, (K, N)."""
-        dt, of, measured, ends = divided(self.dt, times, every)
-        u = self.u[np.arange(len(self))[:, None], of]
-        return Runs._of(self.x0, u, np.array(dt), np.array(measured), self.columns, self.rests, self.before), ends
+    def sampled_by(self, clock: SampleClock, counts: NDArray[np.intp]) -> tuple[Runs, NDArray[np.intp]]:
+        """Return these runs measured at the first `counts` (K,) instants of a clock, and where each of their segments ends, (K, N).
+
+        What is later than the end of a run prolongs its last segment.
+        """
+        dt, of, measured, ends = divided(self.dt, clock.times(counts), clock.every)
+        u, by_output = self.u[np.arange(len(self))[:, None], of], None if clock.outputs is None else clock.readings(measured)
+        return self._with(u=u, dt=np.array(dt), measured=np.array(measured), by_output=by_output), ends
 
     def holding(self, u: Array, dt: Array, measured: Flags) -> Runs:
-        """Return these runs with other segments."""
-        return Runs._of(self.x0, u, dt, measured, self.columns, self.rests, self.before)
+        """Return these runs with other segments: inputs (K, N, n_u), durations (K, N), s, and which are measured (K, N)."""
+        return self._with(u=u, dt=dt, measured=measured, by_output=None)
 
     def measuring(self, flags: Flags) -> Runs:
-        """Return these runs with other segments (K, N) measured at their ends."""
-        return Runs._of(self.x0, self.u, self.dt, flags & (self.dt > 0), self.columns, self.rests, self.before)
+        """Return these runs with other segments (K, N) measured at their ends, all outputs or those that are measured there."""
+        there = flags & (self.dt > 0)
+        return self._with(measured=there, by_output=None if self.by_output is None else self.by_output & there[:, :, None])
 
     @property
     def points(self) -> Experiments | None:
-        """The runs as experiment points; None where one has more than a segment, or starts at rest."""
-        return self.starts if self.dt.shape[1] == 1 and self.rests is None and self.before is None else None
+        """The runs as experiment points; None where one has more than a segment, starts at rest, or leaves outputs out."""
+        bare = self.rests is None and self.before is None and self.by_output is None
+        return self.starts if self.dt.shape[1] == 1 and bare else None
 
     def to_csv(self, path: str | Path, model: Model | None = None) -> None:
         """Write one row per segment: run, segment, the start in the run's first row, the inputs, dt, and measured (1 or 0).
@@ -348,7 +399,8 @@ class Runs(InNotebooks):
         rest_hold and rest_solve name states and inputs as `Rest` has them, and rest_y_q has the output q.
         Inputs before the start stand in before_u, of an input u, where they are given.
         Runs of 60 segments or more that are sampled at a period, four times or more in each hold on average, have one row for each
-        hold, and the period in the column sample_every of their first row; their durations are read back to rounding.
+        hold, and the period in the column sample_every of their first row; their durations are read back to rounding. Where outputs
+        are measured at instants of their own, those of an output q have sample_every_q, or flags in measured_q, 1 or 0.
         Every digit is kept, and the file appears whole or not at all. `Runs.from_csv` reads it back.
         """
         write_whole(path, runs_csv(self, model))

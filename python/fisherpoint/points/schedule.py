@@ -293,7 +293,7 @@ def scheduled_runs(model: Model, runs: Runs, theta: Array, slopes: bool = False)
     """Runs in which every input switches at the ends of segments, measured where the given ones are."""
     found = scheduled(model, runs.u, runs.dt, inputs_before(model, runs), theta, slopes=slopes)
     measured = found.measured(model, runs.measured)
-    return Runs._of(runs.x0, found.u, found.dt, measured, runs.columns, runs.rests), found
+    return Runs._of(runs.x0, found.u, found.dt, measured, runs.columns, runs.rests), found  # all outputs are computed
 
 
 def folded(model: Model, runs: Runs, theta: Array, found: Schedule, result: _Result) -> _Result:

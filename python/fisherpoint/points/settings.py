@@ -79,6 +79,8 @@ def checked_arguments(
     if points.u.shape[-1] != n_u:
         axes = "K" if points.u.ndim == 2 else "K, N"
         raise ValueError(f"u: expected shape ({axes}, {n_u}), given {points.u.shape}")
+    if runs.by_output is not None and runs.by_output.shape[2] != len(model.outputs):
+        raise ValueError(f"measured: expected shape (K, N, {len(model.outputs)}), given {runs.by_output.shape}")
     if theta.ndim == 2 and len(theta) != len(points):
         raise ValueError(f"theta: expected {len(points)} rows, one for each point, given {len(theta)}")
     rtol = check_rtol(rtol)

@@ -262,8 +262,8 @@ class Estimator:
 
 def _blank(points: Points, of_sample: Array) -> Array:
     """Outputs of points or runs that are the same at every sample."""
-    there = as_runs(points).measured.reshape(points.dt.shape)
-    return np.where(there[..., None], of_sample, np.nan)
+    there = as_runs(points).readings
+    return np.where(there.reshape(*points.dt.shape, -1), of_sample, np.nan)
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,7 +133,7 @@ class Rig:
             y[rows], status[rows] = done.y, done.status
         y = y[np.tile(runs.measured, (count, 1))]
         shown = readings(self.sensors, y.reshape(count, n_samples, -1), white, memory)
-        shown[:, :, ~self.sensors.measured] = np.nan
+        shown[:, ~(runs.readings[runs.measured] & self.sensors.measured)] = np.nan
         return shown, first_failure(status.reshape(count, n_runs)), common
 
     def deviations(self, points: Points, count: int, rng: Streams) -> tuple[Array, Array, Array, Array]:

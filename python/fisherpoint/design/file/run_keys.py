@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from inspect import signature
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from ...basics.quantity import Quantity
 from ...basics.toml_mistakes import fail, toml
@@ -33,10 +34,19 @@ class Change(Constant):
     value: Positive
 
 
-class Period(Constant):
-    """Time from one sample to the next, s: a bare number or ``{value, unit}``."""
+class Instants(Abbreviated):
+    """When an output is measured: a period, s, a list of instants, s, or ``{value, unit}``."""
 
-    value: Positive
+    bare, expected = (int, float, list), 'a number, a list of numbers, or {value = ..., unit = "..."}'
+
+    value: Positive | list[Positive]
+    unit: str | None = None
+
+    @property
+    def given(self) -> Any:
+        """As `RunRegion` takes it."""
+        values = self.value if isinstance(self.value, list) else [self.value]
+        return [*values, self.unit] if self.unit else self.value
 
 
 class RestTable(Table):
@@ -107,9 +117,17 @@ class RunKeys(Table):
     duration: Positive | None = None
     lead_in: Annotated[int, Field(ge=0)] = 0
     samples: Count | None = None
-    sample_every: Period | None = None
+    sample_every: Annotated[dict[str, Instants], Field(min_length=1)] | None = None  # "" for all outputs
     rest: RestTable | None = None
     profile: dict[str, ProfileTable] = Field(default_factory=dict)
+
+    @field_validator("sample_every", mode="before")
+    @classmethod
+    def _of_all_or_each(cls, given: Any) -> Any:
+        """Instants by themselves are those of all outputs."""
+        if not isinstance(given, int | float | list | dict) or isinstance(given, bool):
+            raise PydanticCustomError("expected", f"{Instants.expected}, or these for each output by name")
+        return given if isinstance(given, dict) and set(given) - set(Instants.model_fields) else {"": given}
 
     @property
     def given(self) -> list[str]:
@@ -130,7 +148,8 @@ class RunKeys(Table):
         given["levels"] = {name: [*of.values, of.unit] if of.unit else of.values for name, of in self.levels.items()}
         given["slew"] = {name: _with_unit(of) for name, of in self.slew.items()}
         if self.sample_every is not None:
-            given["sample_every"] = _with_unit(self.sample_every)
+            every = {name: of.given for name, of in self.sample_every.items()}
+            given["sample_every"] = every.get("", every)
         given["profile"] = {name: table.build(name) for name, table in self.profile.items()}
         rest = None if self.rest is None else self.rest.build(model)
         return given | {"measured": [n >= self.lead_in for n in range(self.segments)], "rest": rest}

@@ -21,10 +21,29 @@ def approach(
     least: float,
     halvings: int,
 ) -> ReachedRuns:
-    """The best runs that enough plants can run on the ways from `best`, which they can, to `targets` (L, d), one after the other.
+    """The best runs that enough plants can run on the ways from `best`, which they can, to targets, one after the other.
 
-    Each way is halved so often. All is gone through again from what was found, until that gains less than `least`. `hopeful` says,
-    at little cost, whether free numbers may be worth more than a value.
+    All is gone through again from what was found, until that gains less than `least`.
+
+    Parameters
+    ----------
+    best : ReachedRuns
+        L runs that enough plants can run, with free numbers z (L, d).
+    targets : sequence of ndarray, (L, d)
+        Free numbers of better runs, between 0 and 1.
+    tried : callable
+        Takes free numbers (L, d), and has the runs that they stand for with what these are worth, and for how many plants.
+    hopeful : callable
+        Takes free numbers (L, d) and a value of the criterion, and has at little cost whether they may be worth more.
+    least : float
+        In the criterion's unit, such as that of log det F.
+    halvings : int
+        How often each way is halved.
+
+    Returns
+    -------
+    ReachedRuns
+        `best`, or better ones that enough plants can run.
     """
     before = -float("inf")
     while best.value > before + least:

@@ -150,7 +150,7 @@ class RunObjective:
             of_all = self.tangents(runs[some], threads=1).rows(self.problem).sensitivity
             white = of_all / np.sqrt(np.diag(self.problem.noise_covariance))[:, None]
             white = white.reshape(len(self.plants), -1, white.shape[1] * white.shape[2], white.shape[3])
-            return white if self.coordinates.every is None else np.asarray(np.linalg.qr(white, mode="r"))
+            return white if self.coordinates.clock is None else np.asarray(np.linalg.qr(white, mode="r"))
 
         return np.concatenate(self.in_parts(part, len(runs)), axis=1)
 
@@ -210,7 +210,7 @@ class RunObjective:
         self.work += count * len(self.plants) * self.coordinates.segments
         least, most = (-(-rows // len(self.plants)) for rows in self._rows)
         each = min(max(-(-count // self._threads), least), most)
-        if self.coordinates.every is not None:
+        if self.coordinates.clock is not None:
             parts_of_run = self.coordinates.parts(self.looks if self.costly else 1) * len(self.plants)
             each = min(each, max(1, self.tuning.most_parts_at_once // parts_of_run))
         parts = [slice(first, min(first + each, count)) for first in range(0, count, each)]

@@ -42,7 +42,8 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
     spread, reached = plants.outputs(fine)
     limits = {name: values for name, values in limits_of(problem).items() if name in names_of(model.outputs)}
     rows, columns = len(model.inputs) + len(model.outputs), len(shown)
-    of = holds_of(shown.u, shown.dt, shown.measured)
+    readings = np.broadcast_to(shown.readings, (*shown.dt.shape, len(model.outputs)))
+    of = holds_of(shown.u, shown.dt, shown.readings)
     times = [RunTime(dt[dt > 0], y if shown.dt.shape[1] == 1 else None) for dt, y in zip(of.dt, mean.y, strict=True)]
     width = max(4.2, *(time.width for time in times))
     with mpl.rc_context(STYLE):
@@ -51,7 +52,7 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
         for k, time in enumerate(times):
             n = int(shown.segments[k])
             t = time(np.append(0.0, shown.t[k, :n]))
-            looks = time.within(np.array(shares)) if np.isnan(of.every[k]) else time(fine.t[k, : n * looks_each])
+            looks = time.within(np.array(shares)) if not of.dense[k] else time(fine.t[k, : n * looks_each])
             for i, quantity in enumerate(model.inputs):
                 factor, unit = scale(quantity, shown.u[:, :, i])
                 held = factor * np.append(shown.u[k, :n, i], shown.u[k, n - 1, i])
@@ -66,9 +67,9 @@ def plot_runs(problem: DesignProblem, runs: Runs) -> Figure:
                 for limit in limits.get(quantity.name, ()):
                     axes.axhline(factor * limit, color=TEXT, linewidth=0.8, linestyle="--")
                 (line,) = axes.plot(looks, factor * mean.y[k, : n * looks_each, j], color=NOISE, linewidth=1.2)
-                samples = counted(int(shown.measured[k, :n].sum()), "sample")
+                at = np.flatnonzero(readings[k, :n, j])
+                samples = counted(len(at), "sample")
                 show_under_mouse([line], f"run {k + 1}: {labelled(quantity.name, unit)} at the prior mean, {samples}", f"{k}-{j}")
-                at = np.flatnonzero(shown.measured[k, :n])
                 sampled = mean.y[k, at * looks_each + looks_each - 1, j]
                 axes.plot(t[at + 1], factor * sampled, "o", color=NOISE, markersize=3.2 if len(at) < MANY else 1.2)
                 grid[len(model.inputs) + j, 0].set_ylabel(labelled(quantity.name, unit))

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...basics.values import Array
+from ...basics.quantity import names_of
 from ...models import Model
 from ...points.runs import Runs
-from ...points.sampling import holds_of, sample_counts
+from ...points.sampling import holds_of
 from ...show.numbers import number
 from ...show.section import Section
 from ..results.report import ROWS_OF_PAGES, kept_note
@@ -23,7 +23,7 @@ WIDTH = 78
 
 def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
     """What each run is, where it starts, and what it holds."""
-    samples, of = runs.measured.sum(axis=1), holds_of(runs.u, runs.dt, runs.measured)
+    sampled, samples, of = runs, runs.measured.sum(axis=1), holds_of(runs.u, runs.dt, runs.readings)
     runs = runs.holding(of.u, of.dt, of.measured)
     columns = ["run", "segments", "samples", "duration [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs)]
     rows, starts = [], []
@@ -38,24 +38,30 @@ def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
         starts.append([str(k + 1), *(number(value) for value in runs.x0[k])])
     notes = [f"... and {len(runs) - ROWS} more"] if len(runs) > ROWS else []
     notes += kept_note("Run", n_kept)
-    periods = sorted({one for one in of.every.tolist() if not np.isnan(one)})
-    if periods:
-        notes.append(f"Samples are taken every {', '.join(number(one) for one in periods)} s, from the start to the end.")
+    if of.dense.any():
+        for j, name in enumerate(names_of(model.outputs) if of.by_output else [""]):
+            periods = sorted({one for one in of.every[:, j].tolist() if not np.isnan(one)})
+            often = f"every {', '.join(number(one) for one in periods)} s, from the start to the end." if periods else "never."
+            notes.append(f"Samples{f' of {name}' if name else ''} are taken {often}")
     else:
         notes.append("A run starts, holds the inputs of each segment, and is sampled at the ends that are measured.")
+    if sampled.by_output is not None:
+        counts = zip(sampled.by_output.sum(axis=(0, 1)).tolist(), names_of(model.outputs), strict=True)
+        notes.append(f"Outputs are measured at samples of their own: {', '.join(f'{name} at {count}' for count, name in counts)}.")
     yield from divided(Section("Runs", columns, rows, notes=notes))
     yield from divided(Section("Starts", ["run", *(f"{q.name} [{q.unit}]" for q in model.states)], starts))
     if model.inputs:
-        yield from divided(_held(model, runs, of.every), keys=2)
+        yield from divided(_held(model, runs, sampled), keys=2)
 
 
-def _held(model: Model, runs: Runs, every: Array) -> Section:
-    """Which inputs are held from when to when; segments in a row with the same inputs are one hold."""
+def _held(model: Model, runs: Runs, sampled: Runs) -> Section:
+    """Which inputs are held from when to when, in runs that are `sampled`; segments in a row with the same inputs are one hold."""
     columns = ["run", "segments", "from [s]", "to [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "samples"]
     rows: list[list[str]] = []
     ends, more = runs.t, 0
     for k in range(len(runs)):
-        n = int(runs.segments[k])
+        n, instants = int(runs.segments[k]), sampled.t[k, sampled.measured[k]]
+        near = 0.5 * float(sampled.dt[k, sampled.dt[k] > 0].min())
         changes = np.flatnonzero((np.diff(runs.u[k, :n], axis=0) != 0).any(axis=1)) + 1
         for first, stop in zip([0, *changes.tolist()], [*changes.tolist(), n], strict=True):
             if len(rows) == HOLDS:
@@ -64,10 +70,8 @@ def _held(model: Model, runs: Runs, every: Array) -> Section:
             place = str(first + 1) if stop == first + 1 else f"{first + 1} to {stop}"
             times = number(float(ends[k, first] - runs.dt[k, first]), 6), number(float(ends[k, stop - 1]), 6)
             values = (number(value, 6) for value in runs.u[k, first].tolist())
-            samples = int(runs.measured[k, first:stop].sum())
-            if not np.isnan(every[k]):
-                until = np.array([[ends[k, stop - 1]], [ends[k, first] - runs.dt[k, first]]])
-                samples = int(-np.diff(sample_counts(until, float(every[k])))[0])
+            until = np.array([ends[k, first] - runs.dt[k, first], ends[k, stop - 1]]) + near
+            samples = int(np.diff(np.searchsorted(instants, until))[0])
             rows.append([str(k + 1), place, *times, *values, str(samples)])
     notes = [f"... and {more} more; design.csv and plan.csv have all"] if more else []
     return Section("Inputs that are held", columns, rows, notes=notes)
@@ -75,7 +79,7 @@ def _held(model: Model, runs: Runs, every: Array) -> Section:
 
 def segments_table(model: Model, runs: Runs, title: str = "Segments of the runs") -> Section:
     """Every segment of every run, up to a number of rows; of densely sampled ones, what they hold."""
-    of = holds_of(runs.u, runs.dt, runs.measured)
+    of = holds_of(runs.u, runs.dt, runs.readings)
     runs = runs.holding(of.u, of.dt, of.measured)
     columns = ["run", "segment", "from [s]", *(f"{q.name} [{q.unit}]" for q in model.inputs), "dt [s]", "sample at the end"]
     run, segment = np.nonzero(runs.dt)

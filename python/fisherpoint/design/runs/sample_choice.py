@@ -11,7 +11,22 @@ from .run_objective import RunObjective
 
 
 def best_samples(objective: RunObjective, runs: Runs, count: int) -> NDArray[np.bool_]:
-    """Flags (L, N) of `count` samples of each run, among those that it measures."""
+    """Which samples of L runs to take.
+
+    Parameters
+    ----------
+    objective : RunObjective
+        What the runs are worth, over R plants.
+    runs : Runs
+        L runs of N segments, with all samples that may be taken.
+    count : int
+        How many are taken of each.
+
+    Returns
+    -------
+    ndarray of bool, (L, N)
+        Samples that are measured and taken.
+    """
     f = objective.sample_matrices(runs)  # (L, N, R, p, p)
     shape, allowed = f.shape[:2], runs.measured
     weights = _weights(objective, f, allowed, count)
