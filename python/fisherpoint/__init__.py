@@ -49,6 +49,7 @@ if TYPE_CHECKING:  # what tools read; `_PLACES` says the same to Python
     from .models import math as math
     from .models.callable.model import CallableModel
     from .models.decorator import model
+    from .models.definitions import let
     from .models.symbolic import SymbolicModel
     from .models.toml_to_model import load_model
     from .noise.models import GaussMarkov, Noise, NoiseModel
@@ -150,6 +151,7 @@ __all__ = [
     "identifiability",
     "instruction_set",
     "instruction_sets",
+    "let",
     "load_model",
     "load_problem",
     "model",
@@ -206,6 +208,7 @@ _PLACES = {
     ".models": ("HydraulicCylinder", "Model"),
     ".models.callable.model": ("CallableModel",),
     ".models.decorator": ("model",),
+    ".models.definitions": ("let",),
     ".models.symbolic": ("SymbolicModel",),
     ".models.toml_to_model": ("load_model",),
     ".noise.models": ("GaussMarkov", "Noise", "NoiseModel"),

@@ -10,7 +10,7 @@ import sympy
 
 from ..basics.messages import listed, shown
 from .surfaces.structure import Equations
-from .tape.delay import delay_in, delayed
+from .tape.delay import delay_in
 from .tape.parts import replaced, symbols_of
 
 Delays = dict[str, str | float]
@@ -30,11 +30,10 @@ def without_delays(
     """
     output, late = _without_late(equations, outputs, clocks)
     equations = replace(equations, output=output, late=late)
-    resets = [e for reset in equations.resets for e in (reset.condition, *(value for _, value in reset.values))]
     further = [("domain", e) for e in equations.conditions] + [("along", e) for _, e in equations.along]
-    further += [("resets", value) for update in equations.updates for _, value in update.values]
+    further += [("resets", e) for e in equations.values_anew()]
     places = *rates, *outputs
-    named = [*zip(places, (*equations.rates, *equations.output), strict=True), *further, *(("resets", e) for e in resets)]
+    named = [*zip(places, (*equations.rates, *equations.output), strict=True), *further]
     delays, plain = Delays(), dict[str, str]()
     inputs = {symbol.name: symbol for symbol in equations.inputs}
     own: dict[Any, Any] = {}
@@ -64,39 +63,9 @@ def without_delays(
     if not delays:
         return delays, equations
     parameters = {symbol.name: symbol for symbol in equations.parameters}
-    return delays, replace(
-        equations,
-        rates=tuple(replaced(e, own) for e in equations.rates),
-        output=tuple(replaced(e, own) for e in equations.output),
-        conditions=tuple(replaced(e, own) for e in equations.conditions),
-        along=tuple((text, replaced(e, own)) for text, e in equations.along),
-        resets=tuple(
-            replace(
-                reset,
-                condition=replaced(reset.condition, own),
-                values=tuple((x, replaced(value, own)) for x, value in reset.values),
-            )
-            for reset in equations.resets
-        ),
-        updates=tuple(
-            replace(update, values=tuple((x, replaced(value, own)) for x, value in update.values)) for update in equations.updates
-        ),
-        delays=tuple((inputs[u], parameters[str(tau)]) for u, tau in delays.items() if tau in parameters),
-    )
-
-
-def with_delays(delays: Mapping[str, str | float], inputs: Sequence[Any]) -> dict[Any, Any]:
-    """For each delayed input what stands for it in equations as they are written."""
-
-    return {symbol: delayed(symbol.name, delays[symbol.name]) for symbol in inputs if symbol.name in delays}
-
-
-def with_late(output: Sequence[Any], equations: Equations, clock: Any) -> list[Any]:
-    """Outputs in which the states of late ones stand with their delays, as they are written."""
-    moving = [*equations.states, *([] if clock is None else [clock])]
-    times = {i: tau.name if tau.is_Symbol else float(tau) for i, tau in equations.late.items()}
-    own = {i: {symbol: delayed(symbol.name, time) for symbol in moving} for i, time in times.items()}
-    return [replaced(expression, own[i]) if i in own else expression for i, expression in enumerate(output)]
+    plain_equations = equations.changed(lambda expression, _: replaced(expression, own))
+    late_inputs = tuple((inputs[u], parameters[str(tau)]) for u, tau in delays.items() if tau in parameters)
+    return delays, replace(plain_equations, delays=late_inputs)
 
 
 def _without_late(equations: Equations, places: Sequence[str], clocks: Mapping[str, Any]) -> tuple[tuple[Any, ...], dict[int, Any]]:

@@ -17,7 +17,7 @@ from .expressions import MAX_EXPONENT, checked
 from .functions import FUNCTIONS, delay, latch
 from .tape.latch import as_condition, holds
 from .tape.parts import compared, exact, exact_exponent, is_number
-from .terms import Term, applied, divided
+from .terms import Term, applied, as_term, divided
 
 
 def parse_equation(
@@ -78,7 +78,7 @@ def _smooth(positive: Any) -> list[Any]:
 
 
 def _read(formula: Formula, symbols: Mapping[str, sympy.Symbol], hidden: Mapping[str, sympy.Symbol] | None = None) -> _Equation:
-    names, others = ({name: Term(symbol) for name, symbol in of.items()} for of in (symbols, hidden or {}))
+    names, others = ({name: as_term(one) for name, one in of.items()} for of in (symbols, hidden or {}))
     return _Equation(formula, names, others)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy
 
@@ -12,9 +12,8 @@ from ..basics.messages import listed, shown
 from ..basics.quantity import Quantity, names_of
 from .equation_text import parse_equation, parse_limit
 from .expressions import checked
-from .surfaces.printing import to_text
 from .tape.delay import delay_in
-from .tape.parts import replaced
+from .tape.parts import replaced, symbols_of
 from .terms import Term
 
 
@@ -24,7 +23,7 @@ def listed_equations(given: Any, place: str) -> list[Any]:
         return []
     if isinstance(given, sympy.MatrixBase):
         return list(given.flat())
-    if isinstance(given, str | sympy.Basic | Term):
+    if isinstance(given, str | sympy.Basic | Term | Written):
         return [given]
     if isinstance(given, Mapping) or not isinstance(given, Iterable):
         raise TypeError(f"{place}: expected a sequence of equations, given {shown(given)}")
@@ -40,13 +39,23 @@ def check_count(given: list[Any], place: str, quantities: tuple[Quantity, ...]) 
         raise ValueError(f"{place}: expected {len(quantities)} equations{one_for_each}; given {len(given)}")
 
 
-def equation_of(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
-    """An equation as an expression; `clocks` are the names of the time."""
-    read = parse_equation if isinstance(given, str) else checked
-    return read(given, symbols, place, clocks)
+class Written(NamedTuple):
+    """An equation that has been read: as an expression, in which definitions are symbols, and the text that was given."""
+
+    expression: Any
+    given: str | None = None
 
 
-def condition_of(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Any:
+def equation_of(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Written:
+    """An equation as it is written; `clocks` are the names of the time."""
+    if isinstance(given, Written):
+        return given
+    if isinstance(given, str):
+        return Written(parse_equation(given, symbols, place, clocks), given)
+    return Written(checked(given, symbols, place, clocks))
+
+
+def condition_of(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Written:
     """A condition as what must be positive."""
     given = given.expression if isinstance(given, Term) and not given.lost else given
     if isinstance(given, sympy.StrictGreaterThan | sympy.GreaterThan):
@@ -54,11 +63,6 @@ def condition_of(given: Any, symbols: Mapping[str, Any], place: str, clocks: Map
     elif isinstance(given, sympy.StrictLessThan | sympy.LessThan):
         given = given.rhs - given.lhs
     return equation_of(given, symbols, place, clocks)
-
-
-def text_of(given: Any, expression: Any) -> str:
-    """An equation as it was written, or as text."""
-    return given if isinstance(given, str) else to_text(expression)
 
 
 def limits_of(
@@ -73,7 +77,7 @@ def limits_of(
     for i, text in enumerate(texts):
         place = f"along[{i}]"
         conditions = parse_limit(text, symbols, place)
-        moved = [one for one in conditions if one.free_symbols & moving or any(map(delay_in, one.free_symbols))]
+        moved = [one for one in conditions if (read := symbols_of(one)) & moving or any(map(delay_in, read))]
         # Of max(x, v) - min(x, v) < 1, some of the cases are 0 < 1.
         if not moved or not all(condition in moved or condition.is_positive for condition in conditions):
             raise ValueError(f"{place}: expected a limit of states or inputs, given {shown(text)}")

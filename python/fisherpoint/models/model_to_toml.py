@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from ..basics.quantity import Quantity, names_of
 from .base import Model
+
+
+class Texts(NamedTuple):
+    """Equations of a model as text: each reset as its condition, or its times, with what states are set to."""
+
+    rates: tuple[str, ...]
+    output: tuple[str, ...]
+    domain: tuple[str, ...]
+    resets: tuple[tuple[str, Mapping[str, str]], ...]
+    definitions: Mapping[str, str]
 
 
 def cylinder_toml(model: Model, smooth: Mapping[str, float]) -> str:
@@ -17,29 +28,26 @@ def cylinder_toml(model: Model, smooth: Mapping[str, float]) -> str:
     return "\n".join([*lines, *_constants(model), ""])
 
 
-def equations_toml(
-    model: Model,
-    f: Sequence[str],
-    g: Sequence[str],
-    domain: Sequence[str],
-    resets: Sequence[tuple[str, Mapping[str, str]]] = (),
-) -> str:
-    """A model as the table [model]; its equations stand in it as they were given."""
+def equations_toml(model: Model, texts: Texts, domain: Sequence[str]) -> str:
+    """A model as the table [model], with all conditions of its domain; its equations stand in it as they were given."""
     lines = _head(model)
     if domain:
         lines.append(f"domain = [{', '.join(map(_string, domain))}]")
     for kind in ("states", "inputs", "parameters"):
         lines += _table(kind, [(q.name, _entry(q, nominal=model.nominal.get(q.name))) for q in getattr(model, kind)])
     lines += _constants(model)
-    states = names_of(model.states)
+    states, g = names_of(model.states), texts.output
     own = {q.name: text for q, text in zip(model.outputs, g, strict=True) if q.name in states and text != q.name}
     lines += _table("outputs", [(q.name, _entry(q, equation=own.get(q.name))) for q in model.outputs])
-    equations = [*zip(states, f, strict=True)]
+    lines += _table("definitions", [(name, _string(text)) for name, text in texts.definitions.items()])
+    equations = [*zip(states, texts.rates, strict=True)]
     equations += [(q.name, text) for q, text in zip(model.outputs, g, strict=True) if q.name not in states]
     lines += _table("equations", [(name, _string(text)) for name, text in equations])
-    if resets:
+    if texts.resets:
         lines += ["", "[model.resets]"]
-        lines += [f"{_string(when)} = {{ {', '.join(f'{x} = {_string(text)}' for x, text in of.items())} }}" for when, of in resets]
+        lines += [
+            f"{_string(when)} = {{ {', '.join(f'{x} = {_string(text)}' for x, text in of.items())} }}" for when, of in texts.resets
+        ]
     return "\n".join([*lines, ""])
 
 

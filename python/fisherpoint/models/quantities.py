@@ -34,7 +34,7 @@ def quantities_of(described: Described | None, kind: str) -> tuple[Quantity, ...
     if described is None:
         return ()
     if isinstance(described, Mapping):
-        entries = [(_name(key, kind), entry) for key, entry in described.items()]
+        entries = [(checked_quantity_name(key, kind), entry) for key, entry in described.items()]
     elif isinstance(described, str) or not isinstance(described, Iterable):
         raise TypeError(f"{kind}: expected a mapping of names to units, given {shown(described)}")
     else:
@@ -42,7 +42,7 @@ def quantities_of(described: Described | None, kind: str) -> tuple[Quantity, ...
         for entry in given:
             if not isinstance(entry, Quantity):
                 raise TypeError(f"{kind}: expected a mapping of names to units, or Quantities, given {shown(entry)}")
-        entries = [(_name(entry.name, kind), entry) for entry in given]
+        entries = [(checked_quantity_name(entry.name, kind), entry) for entry in given]
     quantities = tuple(_quantity(name, entry, f"{kind}.{name}") for name, entry in entries)
     check_distinct((quantity.name, kind) for quantity in quantities)
     return quantities
@@ -64,7 +64,7 @@ def constants_of(described: Mapping[Any, Any] | None) -> tuple[tuple[Quantity, .
         raise TypeError(f"constants: expected a mapping of names to (value, unit), given {shown(described)}")
     units, values = {}, {}
     for key, entry in described.items():
-        name = _name(key, "constants")
+        name = checked_quantity_name(key, "constants")
         value, unit = entry if isinstance(entry, tuple) and len(entry) == 2 else (entry, "1")
         units[name], values[name] = unit, as_float(value, f"constants.{name}")
     return quantities_of(units, "constants"), values
@@ -135,7 +135,8 @@ def check_distinct(named: Iterable[tuple[str, str]]) -> None:
         seen[name] = kind
 
 
-def _name(key: Any, kind: str) -> str:
+def checked_quantity_name(key: Any, kind: str) -> str:
+    """A name that may stand in equations, of a text or a symbol."""
     name = key if isinstance(key, str) else getattr(key, "name", None) or getattr(getattr(key, "func", None), "__name__", None)
     place = f"{kind}.{shown(name)}"
     if not isinstance(name, str) or len(name) > LONGEST_NAME or not _is_plain(name):

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import Any, NamedTuple
 
 import sympy
@@ -16,8 +16,9 @@ from ..basics.messages import shown
 from ..basics.units import convert_unit
 from .equation_text import parse_condition
 from .expressions import checked
-from .given_equations import equation_of, text_of
+from .given_equations import Written, equation_of
 from .surfaces.memory import has_latch
+from .surfaces.printing import to_text
 from .tape.delay import delay_in
 from .tape.latch import condition_of as condition_in
 from .tape.latch import holds
@@ -26,44 +27,49 @@ from .tape.reset import Reset
 from .tape.update import EACH_SEGMENT, Update, UpdateTimes, at_known_times
 from .terms import as_term
 
-Texts = tuple[tuple[str, Mapping[str, str]], ...]
+Given = tuple[tuple[Any, Mapping[str, Written]], ...]
+"""Conditions as they are written, or texts of times, with the states that get values."""
 
 
 class SetAnew(NamedTuple):
-    """Resets where conditions become true, updates at known times, and texts of all."""
+    """Resets where conditions become true, updates at known times, and all of them as they are written."""
 
     resets: tuple[Reset, ...]
     updates: tuple[Update, ...]
-    texts: Texts
-
-    def expressions(self) -> Iterator[Any]:
-        for reset in self.resets:
-            yield reset.condition
-        for values in (*(reset.values for reset in self.resets), *(update.values for update in self.updates)):
-            yield from (value for _, value in values)
+    given: Given
 
 
-def states_set_anew(
-    given: Any, states: Sequence[str], symbols: Mapping[str, Any], clocks: Mapping[str, Any], moving: Set[Any]
-) -> SetAnew:
-    """All of a mapping, or a sequence of pairs; `moving` are the symbols of states and inputs."""
+def states_set_anew(given: Any, states: Sequence[str], symbols: Mapping[str, Any], clocks: Mapping[str, Any]) -> SetAnew:
+    """All of a mapping, or a sequence of pairs."""
     resets: list[Reset] = []
     updates: list[Update] = []
-    texts = []
-    for when, values in _pairs(given, states):
-        place = f"resets.{shown(when)}"
-        new = tuple((symbols[x], equation_of(value, symbols, f"{place}.{x}", clocks)) for x, value in values.items())
+    pairs: list[tuple[Any, Mapping[str, Written]]] = []
+    for when, values in pairs_of(given, states):
+        place = f"resets.{shown(when.given if isinstance(when, Written) else when)}"
+        new = {x: equation_of(value, symbols, f"{place}.{x}", clocks) for x, value in values.items()}
+        targets = tuple((symbols[x], value.expression) for x, value in new.items())
         if isinstance(when, str) and at_known_times(when):
-            updates.append(_update(when, new, place))
-            text = updates[-1].times.text
+            updates.append(_update(when, targets, place))
+            pairs.append((updates[-1].times.text, new))
         else:
-            resets.append(Reset(_condition(when, symbols, place, clocks, moving), new))
-            text = text_of(when, condition_in(resets[-1].condition))
-        texts.append((text, {x.name: text_of(values[x.name], value) for x, value in new}))
-    return SetAnew(tuple(resets), tuple(updates), tuple(texts))
+            condition = _condition(when, symbols, place, clocks)
+            resets.append(Reset(condition.expression, targets))
+            pairs.append((condition, new))
+    return SetAnew(tuple(resets), tuple(updates), tuple(pairs))
 
 
-def _pairs(given: Any, states: Sequence[str]) -> list[tuple[Any, Mapping[str, Any]]]:
+def check_moving(anew: Iterable[Reset], given: Given, moving: Set[Any]) -> None:
+    """Raise where a condition of a reset, with its definitions written out, reads none of the symbols that move."""
+    conditions = [when for when, _ in given if isinstance(when, Written)]
+    for reset, when in zip(anew, conditions, strict=True):
+        read = symbols_of(reset.condition)
+        if not read & moving and not any(map(delay_in, read)):
+            written = when.given or to_text(condition_in(when.expression))
+            raise ValueError(f"resets.{shown(written)}: expected a condition of states, inputs or the time")
+
+
+def pairs_of(given: Any, states: Sequence[str]) -> list[tuple[Any, Mapping[str, Any]]]:
+    """The pairs of a mapping or a sequence, of what are conditions, times and states."""
     pairs = list(given.items()) if isinstance(given, Mapping) else [] if given is None else as_sequence(given, "resets", "pairs")
     for pair in pairs:
         if not isinstance(pair, tuple) or len(pair) != 2 or not isinstance(pair[1], Mapping) or not pair[1]:
@@ -75,19 +81,16 @@ def _pairs(given: Any, states: Sequence[str]) -> list[tuple[Any, Mapping[str, An
     return list(pairs)
 
 
-def _condition(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any], moving: Set[Any]) -> Any:
+def _condition(given: Any, symbols: Mapping[str, Any], place: str, clocks: Mapping[str, Any]) -> Written:
     """What is 1 where the condition of a reset holds, else 0."""
+    if isinstance(given, Written):
+        return given
     if isinstance(given, str):
-        when = parse_condition(given, symbols, place, clocks)
-    else:
-        term = as_term(given)
-        if term is None or not isinstance(term.expression, sympy.logic.boolalg.Boolean) or term.expression.is_Symbol:
-            raise ValueError(f"{place}: expected a condition such as x < 0, given {shown(given)}")
-        when = checked(holds(term.expression), symbols, place, clocks)
-    read = symbols_of(when)
-    if not read & (moving | set(clocks.values())) and not any(map(delay_in, read)):
-        raise ValueError(f"{place}: expected a condition of states, inputs or the time")
-    return when
+        return Written(parse_condition(given, symbols, place, clocks), given)
+    term = as_term(given)
+    if term is None or not isinstance(term.expression, sympy.logic.boolalg.Boolean) or term.expression.is_Symbol:
+        raise ValueError(f"{place}: expected a condition such as x < 0, given {shown(given)}")
+    return Written(checked(holds(term.expression), symbols, place, clocks))
 
 
 def _update(when: str, values: tuple[tuple[Any, Any], ...], place: str) -> Update:

@@ -4,49 +4,71 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import sympy
 
 from ..basics.checks import check_flag, check_known
+from ..basics.messages import shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from ..engine.levels import Kernels
-from .clock import clock_names, clock_quantity
+from .clock import NAMES, clock_names, clock_quantity
 from .compiled import CompiledCore, compiled_model
-from .delays import with_delays, with_late, without_delays
+from .definitions import WrittenOut, read_definitions
+from .delays import without_delays
 from .dependence import Dependence
 from .dimensions import is_time, mistakes_in_units, plain_rate_of, rate_of, stated
+from .expression_list import ExpressionList
 from .expressions import symbol
-from .given_equations import (
-    check_count,
-    condition_of,
-    equation_of,
-    limits_of,
-    listed_equations,
-)
+from .given_equations import Written, check_count, condition_of, equation_of, limits_of, listed_equations
 from .hidden_states import HiddenCore, HiddenKernels
 from .model_text import latex, model_text
-from .model_to_toml import equations_toml
-from .quantities import Described, DescribedModel, check_counts, start_offsets
-from .set_anew import states_set_anew
-from .surfaces.domain import MOST
+from .model_to_toml import Texts, equations_toml
+from .quantities import RESERVED, Described, DescribedModel, check_counts, start_offsets
+from .set_anew import check_moving, pairs_of, states_set_anew
+from .sharing import Shared, with_shared_parts
+from .surfaces.branches import Surface
+from .surfaces.domain import MOST, Limit
 from .surfaces.memory import has_latch
 from .surfaces.printing import to_text
 from .surfaces.structure import Equations, Structure, followed
 from .tape.defined import value_of
-from .tape.latch import condition_of as condition_in
+from .tape.delay import delay_in
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
+from .written import WrittenEquations
 
 MOST_MISTAKES = 5
 """Maximum number of mistakes in units that a warning lists."""
+
+
+class FurtherEquations(TypedDict, total=False):
+    """What a model may have beside f and g: see `SymbolicModel`."""
+
+    domain: Iterable[Any]
+    resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]]
+    definitions: Mapping[str, Any] | None
+
+
+def _further(*, domain: Any = (), resets: Any = (), definitions: Any = None) -> tuple[Any, Any, Any]:
+    return domain, resets, definitions
+
+
+def _names(of: Callable[[Structure], Iterable[Surface | Limit]]) -> Any:
+    """An attribute with what is zero on surfaces or limits as text, which is made at its first use."""
+
+    def names(model: SymbolicModel) -> tuple[str, ...]:
+        written = (one.written for one in of(model.structure))
+        return tuple(one if isinstance(one, str) else model._text_of(one) for one in written)
+
+    return cached_property(names)
 
 
 class SymbolicModel(DescribedModel):
@@ -67,17 +89,19 @@ class SymbolicModel(DescribedModel):
         Default: y or y_1, y_2, ... without unit.
     constants : mapping of name to (value, unit), optional
         Known constants.
-    domain : sequence of sympy.Expr or str, optional
-        What else must stay positive, beside the arguments of roots and logarithms.
     name : str
     nominal : mapping of parameter name to float, optional
         Usual values.
+    check_units : bool
+        Whether a warning names places of the equations where units do not fit, as of ``x**2 - k*x`` with x in m and k in 1/s.
+    definitions : mapping of name to sympy.Expr or str, optional
+        Intermediate quantities, which equations and later definitions have by name; see `let`.
+    domain : sequence of sympy.Expr or str, optional
+        What else must stay positive, beside the arguments of roots and logarithms.
     resets : mapping of condition or times to mapping of state name to value, or sequence of such pairs, optional
         States that get new values where a condition becomes true, as ``{"x < 0": {"v": "-e*v"}}`` of a mass that bounces, or at
         known times, as ``{"every 5 ms": {"i": "i + k*(r - q)"}}`` of a controller and ``{"each segment": {"d": "d + dose"}}``.
         Conditions and values are texts, expressions or terms; the values are of the states just before.
-    check_units : bool
-        Whether a warning names places of the equations where units do not fit, as of ``x**2 - k*x`` with x in m and k in 1/s.
 
     Raises
     ------
@@ -95,12 +119,12 @@ class SymbolicModel(DescribedModel):
         outputs: Described | None = None,
         *,
         constants: Mapping[str, Any] | None = None,
-        domain: Iterable[Any] = (),
         name: str = "model",
         nominal: Mapping[str, float] | None = None,
-        resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]] = (),
         check_units: bool = True,
+        **further: Unpack[FurtherEquations],
     ) -> None:
+        domain, resets, given_definitions = _further(**further)
         given_f, given_g, given_domain = listed_equations(f, "f"), listed_equations(g, "g"), listed_equations(domain, "domain")
         if outputs is None:
             outputs = {"y": "1"} if len(given_g) == 1 else {f"y_{i + 1}": "1" for i in range(len(given_g))}
@@ -119,59 +143,92 @@ class SymbolicModel(DescribedModel):
         symbols = {quantity.name: symbol(quantity.name) for quantities in self._quantities() for quantity in quantities}
         times = clock_names(symbols) if self.states else []
         clocks = {name: symbol(times[0]) for name in times}
-        rates = [equation_of(e, symbols, f"equations.{q.name}", clocks) for e, q in zip(given_f, self.states, strict=True)]
-        output = [equation_of(e, symbols, self._place_of(q), clocks) for e, q in zip(given_g, self.outputs, strict=True)]
+        given_resets = pairs_of(resets, names_of(self.states))
+        everything = [*given_f, *given_g, *given_domain, *(one for when, new in given_resets for one in (when, *new.values()))]
+        definitions = read_definitions(given_definitions, everything, symbols, clocks)
+        places = [f"equations.{q.name}" for q in self.states], [*map(self._place_of, self.outputs)]
+        rates = [equation_of(e, symbols, place, clocks) for e, place in zip(given_f, places[0], strict=True)]
+        output = [equation_of(e, symbols, place, clocks) for e, place in zip(given_g, places[1], strict=True)]
         conditions = [condition_of(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
-        moving = {symbols[q.name] for q in (*self.states, *self.inputs)}
-        anew = states_set_anew(resets, names_of(self.states), symbols, clocks, moving)
-        limits_along = limits_of(self.along, symbols, self.offsets, moving)
-        self._check_outputs(output, symbols)
+        anew = states_set_anew(given_resets, names_of(self.states), symbols, clocks)
+        self._written = WrittenEquations(definitions, tuple(rates), tuple(output), tuple(conditions), anew.given)
+        self._written_out = WrittenOut([symbols[name] for name in definitions], symbols, clocks)
         of: dict[str, Any] = {
             kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")
         }
-        values = {symbols[n]: v for n, v in self.constants.items()}
-        self._written = Equations(
-            tuple(rates),
-            tuple(output),
-            tuple(conditions),
+        moving = {*of["states"], *of["inputs"]}
+        written = Equations(
+            tuple(one.expression for one in rates),
+            tuple(one.expression for one in output),
+            tuple(one.expression for one in conditions),
             **of,
-            constants=values,
-            along=limits_along,
+            constants={symbols[n]: v for n, v in self.constants.items()},
             resets=anew.resets,
             updates=anew.updates,
-        )
-        places = [f"equations.{q.name}" for q in self.states], [*map(self._place_of, self.outputs)]
-        delays, self.equations = without_delays(self._written, *places, clocks)
+        ).changed(self._written_out, *places)
+        values = {name: self._written_out(one, name) for name, one in symbols.items()}
+        written = replace(written, along=limits_of(self.along, values, self.offsets, moving))
+        self._check_written(written, moving.union(clocks.values()))
+        delays, self.equations = without_delays(written, *places, clocks)
         self.delays = FrozenMapping(delays)
         late = {self.outputs[i].name: tau for i, tau in self.equations.late.items()}
         self.late_outputs = FrozenMapping({name: tau.name if tau.is_Symbol else float(tau) for name, tau in late.items()})
-        read = set().union(*map(symbols_of, (*rates, *self.equations.output, *conditions, *anew.expressions())))
+        read = set().union(*map(symbols_of, (*written.rates, *self.equations.output, *written.conditions, *written.values_anew())))
         self.clock = next((clock for clock in clocks.values() if clock in read), None)
-        self.texts = tuple(
-            tuple(e if isinstance(e, str) else to_text(new) for e, new in zip(given, news, strict=True))
-            for given, news in ((given_f, rates), (given_g, output), (given_domain, conditions))
-        )
-        for place, expression in (
-            *zip(map(self._place_of, self.outputs), output, strict=True),
-            ("domain", sympy.Tuple(*conditions)),
-        ):
-            if has_latch(expression):
-                raise ValueError(
-                    f"{place}: expected no latch(), which rates and resets alone read: set a state of your own by resets"
-                )
-        self.reset_texts, self.updates = anew.texts, tuple(update.times for update in anew.updates)
+        self.updates = tuple(update.times for update in anew.updates)
         self.structure = Structure(followed(self.equations, self.clock))
         self.latches = len(self.structure.equations.latches)
         surfaces, limits = self.structure.surfaces, self.structure.limits
-        self.jumps = tuple(surface.name for surface in surfaces if surface.jump)
-        self.kinks = tuple(surface.name for surface in surfaces if not surface.jump)
-        self.crossable = tuple(surface.name for surface in surfaces if surface.crossable)
-        self.domain = tuple(limit.name for limit in limits)
-        self.poles = tuple(limit.name for limit in limits if limit.pole)
         if len(surfaces) + len(limits) > LIMIT:
             raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given {len(surfaces) + len(limits)}")
         if check_flag(check_units, "check_units"):
             self.warn_of_units(stacklevel=3)
+
+    def _check_written(self, written: Equations, moving: Set[Any]) -> None:
+        """Raise where an output depends on nothing, a condition of a reset does not move, or a latch stands where none may."""
+        constants = set(written.constants)
+        for quantity, expression in zip(self.outputs, written.output, strict=True):
+            place = self._place_of(quantity)
+            if not symbols_of(value_of(expression)) - constants:
+                raise ValueError(f"{place}: expected an output that depends on something, given {to_text(expression):.60}")
+        check_moving(written.resets, self._written.resets, moving)
+        outputs = zip(map(self._place_of, self.outputs), written.output, strict=True)
+        for place, expression in (*outputs, ("domain", sympy.Tuple(*written.conditions))):
+            if has_latch(expression):
+                raise ValueError(
+                    f"{place}: expected no latch(), which rates and resets alone read: set a state of your own by resets"
+                )
+        for update in written.updates:
+            for x, value in update.values:
+                if has_latch(value):
+                    raise ValueError(f"resets.{shown(update.times.text)}.{x.name}: expected no latch() at known times")
+
+    @cached_property
+    def _shared(self) -> Shared:
+        """The equations as they are written, with definitions of the model's own where formulas are long."""
+        names = {q.name for of in (*self._quantities(), self.outputs) for q in of}
+        return with_shared_parts(self._written, {*names, *NAMES, *RESERVED})
+
+    @cached_property
+    def texts(self) -> Texts:
+        """The equations as text; those that were given as text as they were given."""
+        return self._shared.written.texts()
+
+    @property
+    def definitions(self) -> Mapping[str, str]:
+        """The definitions of intermediate quantities by name, as text, those before others in which they stand."""
+        return FrozenMapping(self.texts.definitions)
+
+    def _text_of(self, expression: Any) -> str:
+        """An expression of `equations` as text, with definitions by their names."""
+        named = self._shared.named | self._written_out.named
+        return to_text(replaced(expression, named) if named else expression)
+
+    jumps: tuple[str, ...] = _names(lambda of: (surface for surface in of.surfaces if surface.jump))
+    kinks: tuple[str, ...] = _names(lambda of: (surface for surface in of.surfaces if not surface.jump))
+    crossable: tuple[str, ...] = _names(lambda of: (surface for surface in of.surfaces if surface.crossable))
+    domain: tuple[str, ...] = _names(lambda of: of.limits)
+    poles: tuple[str, ...] = _names(lambda of: (limit for limit in of.limits if limit.pole))
 
     @cached_property
     def mistakes_in_units(self) -> tuple[str, ...]:
@@ -274,9 +331,9 @@ class SymbolicModel(DescribedModel):
             inputs=len(self.inputs),
             outputs=len(self.outputs),
             parameters=len(self.parameters),
-            jumps=len(self.jumps),
-            kinks=len(self.kinks),
-            limits=len(self.domain),
+            jumps=sum(surface.jump for surface in self.structure.surfaces),
+            kinks=sum(not surface.jump for surface in self.structure.surfaces),
+            limits=len(self.structure.limits),
             **parts,
         )
 
@@ -291,7 +348,7 @@ class SymbolicModel(DescribedModel):
         check_known(names, self.constants, "estimate", "names of constants,")
         moved = {name: given for name, given in self._given_constants.items() if name in names}
         return self._changed(
-            self.texts,
+            self._written,
             (*self.parameters, *(quantity for _, quantity in moved.values())),
             {name: given for name, given in self._given_constants.items() if name not in moved},
             {**self.nominal, **{name: value for name, (value, _) in moved.items()}},
@@ -303,7 +360,7 @@ class SymbolicModel(DescribedModel):
         check_known(values, names, "fix", "names of parameters,")
         fixed = {q.name: (values[q.name], replace(q, scale=None)) for q in self.parameters if q.name in values}
         return self._changed(
-            self.texts,
+            self._written,
             tuple(q for q in self.parameters if q.name not in values),
             {**self._given_constants, **fixed},
             {name: value for name, value in self.nominal.items() if name not in values},
@@ -312,35 +369,21 @@ class SymbolicModel(DescribedModel):
     def free_start(self, *names: str) -> SymbolicModel:
         """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0."""
         offsets = start_offsets(self, names)
-        shift = {symbol(name): symbol(name) + symbol(offset.name) for name, offset in zip(names, offsets, strict=True)}
-        shift |= with_delays(self.delays, self.equations.inputs)
-        given = (self.equations.rates, self.equations.output, self.equations.conditions)
-        f, g, domain = ([replaced(expression, shift) for expression in of] for of in given)
-        equations = f, with_late(g, self.equations, self.clock), domain
-        moved = dict(zip(names, offsets, strict=True))
+        moved = dict(zip(names, map(symbol, names_of(offsets)), strict=True))
+        read = set().union(*(symbols_of(one.expression) for one in self._written.all()))
+        shift = {symbol(name): symbol(name) + offset for name, offset in moved.items()}
+        # Late outputs read the states with their offsets too.
+        shift |= {one: one + moved[late[0]] for one in read if (late := delay_in(one)) and late[0] in moved}
+        equations = self._written.replaced(shift)
         # A reset sets the state itself, whose offset stays.
-        resets = [
-            (
-                condition_in(replaced(reset.condition, shift)),
-                {
-                    x.name: replaced(value, shift) - (symbol(moved[x.name].name) if x.name in moved else 0)
-                    for x, value in reset.values
-                },
-            )
-            for reset in self.equations.resets
-        ]
-        timed = [
-            (
-                update.times.text,
-                {x.name: replaced(v, shift) - (symbol(moved[x.name].name) if x.name in moved else 0) for x, v in update.values},
-            )
-            for update in self.equations.updates
-        ]
+        resets = tuple(
+            (when, {x: Written(value.expression - moved[x]) if x in moved else value for x, value in values.items()})
+            for when, values in equations.resets
+        )
         nominal = {**self.nominal, **dict.fromkeys(names_of(offsets), 0.0)}
         further = {**self.offsets, **dict(zip(names_of(offsets), names, strict=True))}
-        return self._changed(
-            equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further, resets=[*resets, *timed]
-        )
+        equations = replace(equations, resets=resets)
+        return self._changed(equations, (*self.parameters, *offsets), self._given_constants, nominal, offsets=further)
 
     def within(self, *limits: str) -> SymbolicModel:
         """Return the model with limits that its states keep on the way, as further limits of its domain.
@@ -349,7 +392,7 @@ class SymbolicModel(DescribedModel):
         reaches one ends there as `Status.left_domain`, also between two samples. A compiled model is compiled again.
         """
         limited = self._changed(
-            self.texts,
+            self._written,
             self.parameters,
             self._given_constants,
             self.nominal,
@@ -359,38 +402,36 @@ class SymbolicModel(DescribedModel):
 
     def _changed(
         self,
-        equations: Sequence[Any],
+        equations: WrittenEquations,
         parameters: Described,
         constants: Mapping[str, Any],
         nominal: Mapping[str, float],
         **further: Any,
     ) -> SymbolicModel:
-        """The model with other equations (f, g, domain), parameters, constants and nominal values."""
-        f, g, domain = equations
-        options = self._options | {"constants": constants, "domain": domain, "nominal": nominal} | further
-        return SymbolicModel._made(f, g, self.states, self.inputs, parameters, self.outputs, **options)
+        """The model with other equations, parameters, constants and nominal values."""
+        options = self._options | {"constants": constants, "nominal": nominal} | further
+        return SymbolicModel._made(equations, self.states, self.inputs, parameters, self.outputs, **options)
 
     @classmethod
-    def _made(cls, *given: Any, along: Iterable[str], offsets: Mapping[str, str], **options: Any) -> SymbolicModel:
-        """A model with what `within` and `free_start` add, which is there before its equations are read.
+    def _made(
+        cls, equations: WrittenEquations, *described: Any, along: Iterable[str], offsets: Mapping[str, str], **options: Any
+    ) -> SymbolicModel:
+        """A model of equations that have been read, with what `within` and `free_start` add, which is there before.
 
         Limits along the way are those of the states themselves; `offsets` are the parameters by which these start off their x0.
         """
         model = cls.__new__(cls)
         model.along, model.offsets = tuple(listed_equations(along, "along")), FrozenMapping(offsets)
-        SymbolicModel.__init__(model, *given, **options)
+        options |= {name: getattr(equations, name) for name in ("domain", "resets", "definitions")}
+        SymbolicModel.__init__(model, equations.rates, equations.output, *described, **options)
         return model
 
     @property
     def _options(self) -> dict[str, Any]:
         """What makes the same model, beside equations and quantities."""
-        given: dict[str, Any] = dict(constants=self._given_constants, domain=self.texts[2], name=self.name, check_units=False)
-        return given | dict(
-            nominal=dict(self.nominal),
-            along=self.along,
-            offsets=dict(self.offsets),
-            resets=self.reset_texts,
-        )
+        constants, nominal = self._given_constants, dict(self.nominal)
+        given: dict[str, Any] = dict(constants=constants, name=self.name, nominal=nominal, check_units=False)
+        return given | dict(along=self.along, offsets=dict(self.offsets))
 
     def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
         return self.states, self.inputs, self.parameters, self.constant_quantities
@@ -398,23 +439,14 @@ class SymbolicModel(DescribedModel):
     def _place_of(self, output: Quantity) -> str:
         return f"{'outputs' if output.name in names_of(self.states) else 'equations'}.{output.name}"
 
-    def _check_outputs(self, output: list[Any], symbols: Mapping[str, Any]) -> None:
-        constants = {symbols[name] for name in self.constants}
-        for quantity, expression in zip(self.outputs, output, strict=True):
-            if not value_of(expression).free_symbols - constants:
-                raise ValueError(
-                    f"{self._place_of(quantity)}: expected an output that depends on something, given {to_text(expression):.60}"
-                )
-
     @cached_property
     def _dependence(self) -> Dependence:
         return Dependence(self.structure, *map(names_of, (self._followed, self.inputs, self.parameters, self.outputs)))
 
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""
-        f, g, domain = self.texts
-        limits = [*domain, *(to_text(condition) for _, condition in self.equations.along)]
-        return equations_toml(self, f, g, limits, self.reset_texts)
+        limits = [*self.texts.domain, *(self._text_of(condition) for _, condition in self.equations.along)]
+        return equations_toml(self, self.texts, limits)
 
     @cached_property
     def least(self) -> Mapping[str, float]:
@@ -434,25 +466,42 @@ class SymbolicModel(DescribedModel):
     def _dead_columns(self) -> list[int]:
         return [*self.delay_columns.values(), *self.late_columns.values()]
 
+    @cached_property
+    def _key(self) -> Hashable:
+        of, parts = self.equations, ExpressionList()
+        named = {"output": of.output, "conditions": of.conditions, "along": [one for _, one in of.along]}
+        resets = [(parts.place_of(one.condition), self._places(parts, one.values)) for one in of.resets]
+        updates = [(one.times, self._places(parts, one.values)) for one in of.updates]
+        places = (parts.places_of(of.rates), *map(parts.places_of, named.values()), tuple(resets), tuple(updates))
+        return parts.key(), places, tuple(text for text, _ in of.along)
+
+    @staticmethod
+    def _places(parts: ExpressionList, values: Iterable[tuple[Any, Any]]) -> tuple[tuple[str, int], ...]:
+        return tuple((x.name, parts.place_of(value)) for x, value in values)
+
     def _identity(self) -> Hashable:
-        equations = self.equations
         described = (self.outputs, tuple(self.constants.items()), frozenset(self.nominal.items()))
-        conditions = equations.conditions, equations.along, equations.resets, equations.updates
         delays = frozenset(self.delays.items()), frozenset(self.late_outputs.items())
-        return (self.name, *delays, equations.rates, equations.output, *conditions, *self._quantities(), *described)
+        return (self.name, *delays, self._key, *self._quantities(), *described)
+
+    def __copy__(self) -> SymbolicModel:
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__dict__)
+        return made
+
+    def __deepcopy__(self, _: Any) -> SymbolicModel:
+        return self.__copy__()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        f, g, _ = self.texts
         made = partial(SymbolicModel._made, **self._options)
-        given = (f, g, self.states, self.inputs, self.parameters, self.outputs)
+        given = (self._written, self.states, self.inputs, self.parameters, self.outputs)
         return (made, given) if self._compiled is None else (_compiled_again, (made, given, self._compiled.key))
 
     def __str__(self) -> str:
-        rates, output, _ = self.texts
-        return model_text(self, rates, output, self.reset_texts)
+        return model_text(self, self.texts)
 
     def _repr_latex_(self) -> str:
-        return latex(self._written, names_of(self.outputs))
+        return latex(self._shared.written, names_of(self.states), names_of(self.outputs))
 
 
 def _compiled_again(made: Callable[..., SymbolicModel], given: Sequence[Any], key: str) -> SymbolicModel:

@@ -59,6 +59,7 @@ class ModelTable(Table):
     parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
     constants: dict[str, ModelConstant] = Field(default_factory=dict)
     outputs: dict[str, OutputEntry] = Field(default_factory=dict)
+    definitions: dict[str, str] = Field(default_factory=dict)
     equations: dict[str, str] | None = None
     domain: list[str] = Field(default_factory=list)
     resets: dict[str, dict[str, str]] = Field(default_factory=dict)
@@ -71,8 +72,7 @@ class ModelTable(Table):
                 fail(f"model.name: expected one of {listed(MODELS)}, given {toml(self.name)}")
             for key in (
                 *(kind for kind, given in self.quantities.items() if given),
-                *(["domain"] if self.domain else []),
-                *(["resets"] if self.resets else []),
+                *(key for key in ("definitions", "domain", "resets") if getattr(self, key)),
             ):
                 fail(f"model.{key}: expected only with a table [model.equations], given without")
         elif self.smooth is not None:
@@ -182,6 +182,7 @@ def _of_equations(table: ModelTable) -> Model:
         name=table.name,
         nominal=nominal,
         resets=table.resets,
+        definitions=table.definitions,
         check_units=False,
     )
 

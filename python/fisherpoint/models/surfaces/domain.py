@@ -22,14 +22,18 @@ class Limit:
     """What must stay positive, or other than zero for a pole. In a branch that is not taken its expression is 1.
 
     One that g alone reads is `measured`: it is to hold where g is, and not on the way there. A `closed` one is of powers that have
-    a value at zero: trajectories may start there.
+    a value at zero: trajectories may start there. What it is as it is written is an expression, or a text.
     """
 
-    name: str
+    written: Any
     expression: Any
     pole: bool
     measured: bool = False
     closed: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.written if isinstance(self.written, str) else to_text(self.written)
 
 
 MOST = 256
@@ -145,7 +149,7 @@ class Domain:
         if len(self._limits) == MOST:
             raise ValueError(f"f: expected at most {MOST} roots, logarithms, divisors and conditions of the domain, given more")
         key = form, None if pole else sign, guards
-        limit = self._limits.setdefault(key, Limit(name or to_text(shown), expression, pole, self._measured, closed and not pole))
+        limit = self._limits.setdefault(key, Limit(name or shown, expression, pole, self._measured, closed and not pole))
         if not closed and limit.closed and not self._measured:
             self._limits[key] = replace(limit, closed=False)
 

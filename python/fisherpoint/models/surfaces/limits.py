@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from ..tape.definition import Definition
 from ..tape.kinds import KINDS, expression_of
 from ..tape.parts import symbols_of
 from .zeros import normal_form
@@ -64,7 +65,7 @@ def left_out(value: Any, operands: Iterable[Any]) -> tuple[Any, ...]:
 
 def _stands_in(operand: Any, value: Any) -> bool:
     """Whether the operand is seen at once to be whole in the value."""
-    if operand == value or not operand.args:
+    if operand == value or not (operand.args or isinstance(operand, Definition)):
         return True
     there = set(value.args)
     same = isinstance(operand, sympy.Add | sympy.Mul) and operand.func is value.func
@@ -93,7 +94,9 @@ def _limited(expression: Any) -> dict[Key, Any]:
 
 
 def _forms(part: Any) -> Iterator[tuple[Any, int | None]]:
-    """Forms by which the limits of a part are recognised."""
+    """Forms by which the limits of a part are recognised; a definition counts as one, as its value may have limits."""
+    if isinstance(part, Definition):
+        yield part, 0
     for argument, _, pole in limits_of(part, {}):
         factors = [factor for factor in sympy.Mul.make_args(argument) if symbols_of(factor)]
         if pole:

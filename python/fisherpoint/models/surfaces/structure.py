@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,32 @@ class Equations:
     """Inputs whose dead times are parameters, and these."""
     late: Mapping[int, Any] = field(default_factory=dict)
     """Delays of late outputs, by their places: symbols, or numbers."""
+
+    def changed(self, change: Callable[[Any, str], Any], rates: Sequence[str] = (), output: Sequence[str] = ()) -> Equations:
+        """The equations with every expression changed; `change` is given its place too, where it is known."""
+
+        def each(expressions: Iterable[Any], places: Iterable[str]) -> tuple[Any, ...]:
+            return tuple(change(one, place) for one, place in zip(expressions, chain(places, repeat("equations")), strict=False))
+
+        def values(of: Iterable[tuple[Any, Any]]) -> tuple[tuple[Any, Any], ...]:
+            return tuple((x, change(value, f"resets.{x.name}")) for x, value in of)
+
+        return replace(
+            self,
+            rates=each(self.rates, rates),
+            output=each(self.output, output),
+            conditions=each(self.conditions, (f"domain[{i}]" for i in range(len(self.conditions)))),
+            along=tuple((text, change(one, "along")) for text, one in self.along),
+            resets=tuple(replace(one, condition=change(one.condition, "resets"), values=values(one.values)) for one in self.resets),
+            updates=tuple(replace(one, values=values(one.values)) for one in self.updates),
+        )
+
+    def values_anew(self) -> Iterator[Any]:
+        """Conditions of resets, and what states are set to."""
+        yield from (reset.condition for reset in self.resets)
+        yield from (
+            value for values in (*(one.values for one in self.resets), *(one.values for one in self.updates)) for _, value in values
+        )
 
 
 def followed(equations: Equations, clock: Any = None) -> Equations:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial, reduce
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
@@ -33,23 +33,39 @@ def nodes_of(graph: Graph, expressions: Sequence[Any], symbols: Mapping[Any, int
     ValueError
         For a symbol that is not in `symbols`, a function that is not in the list, or a number that is not real and finite.
     """
-    # By identity: deep expressions are slow to compare, and equal nodes meet in the graph. The parts are kept, so are identities.
-    known: dict[int, tuple[Any, int]] = {}
+    known = _Known({}, {})
     return [_node_of(graph, sympy.sympify(expression), symbols, known) for expression in expressions]
 
 
-def _node_of(graph: Graph, expression: Any, symbols: Mapping[Any, int], known: dict[int, tuple[Any, int]]) -> int:
-    open_parts = [expression]  # a stack of our own: depth does not matter
+class _Known(NamedTuple):
+    """Nodes of parts, by identity, as deep expressions are slow to compare; with the first of equal ones.
+
+    SymPy may have made equal parts twice. A node that is made later may be another, as it takes of sums what is there already.
+    """
+
+    nodes: dict[int, tuple[Any, Any, int]]
+    same: dict[Any, Any]
+
+    def first(self, part: Any) -> Any:
+        """The first part that is equal to this one, all of whose operands are known."""
+        key = (part.func, *(id(self.nodes[id(operand)][1]) for operand in _operands(part))) if part.args else part
+        return self.same.setdefault(key, part)
+
+
+def _node_of(graph: Graph, expression: Any, symbols: Mapping[Any, int], known: _Known) -> int:
+    open_parts, nodes = [expression], known.nodes  # a stack of our own: depth does not matter
     while open_parts:
         part = open_parts[-1]
-        if id(part) not in known:
+        if id(part) not in nodes:
             builder, operands = _builder(part, symbols), _operands(part)
-            if missing := [operand for operand in operands if id(operand) not in known]:
+            if missing := [operand for operand in operands if id(operand) not in nodes]:
                 open_parts += missing
                 continue
-            known[id(part)] = part, builder(graph, *(known[id(operand)][1] for operand in operands))
+            first = known.first(part)
+            node = builder(graph, *(nodes[id(operand)][2] for operand in operands)) if first is part else nodes[id(first)][2]
+            nodes[id(part)] = part, first, node  # kept, so that identities are
         open_parts.pop()
-    return known[id(expression)][1]
+    return nodes[id(expression)][2]
 
 
 def _operands(part: Any) -> tuple[Any, ...]:
