@@ -55,7 +55,7 @@ def _with_names(written: WrittenEquations, naming: _Naming) -> WrittenEquations:
         value = change(one)
         found |= naming.new_ones()
         found[name] = value
-        naming.made[Definition(name, one.expression)] = Definition(name, value.expression)
+        naming.take(Definition(name, one.expression), Definition(name, value.expression))
     rest = WrittenEquations({}, written.rates, written.output, written.domain, written.resets).changed(change)
     found |= naming.new_ones()
     return WrittenEquations(found, rest.rates, rest.output, rest.domain, rest.resets)
@@ -89,6 +89,11 @@ class _Naming:
         """Definitions since the last time."""
         found, self._new = self._new, {}
         return found
+
+    def take(self, symbol: Any, now: Any) -> None:
+        """Put a symbol in place of another one."""
+        self.made[symbol], self._before[now], self._depth[symbol] = now, symbol, 1
+        self._length[symbol] = _own_length(symbol)
 
     def _add(self, part: Any) -> None:
         while part.args and (heavy := self._heaviest(part)) is not None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import sympy
+from sympy.functions.elementary.piecewise import ExprCondPair
 
 from ..tape.branch import Select
 from ..tape.defined import Defined
@@ -19,27 +20,64 @@ from ..tape.kinds import KINDS
 from ..tape.parts import parts
 
 
+class Evaluation:
+    """Expressions as a list of operations, each part once, to be evaluated more than once.
+
+    Attributes
+    ----------
+    symbols : list of sympy.Symbol
+        Those that occur.
+    """
+
+    def __init__(self, expressions: Sequence[Any]) -> None:
+        self._places: dict[Any, int] = {}
+        self._steps: list[tuple[Callable[..., Any], tuple[int, ...]]] = []
+        self._numbers: dict[int, Any] = {}
+        self.symbols: list[Any] = []
+        for expression in expressions:
+            for part in parts(expression, self._places):
+                self._add(part)
+        self._results = [self._places[expression] for expression in expressions]
+
+    def _add(self, part: Any) -> None:
+        place = self._places[part] = len(self._steps)
+        function, operands = _COMPUTE.get(part.func), tuple(self._places[argument] for argument in part.args)
+        if part.is_Symbol:
+            self.symbols.append(part)
+        elif part.is_number and not part.args:  # also e, i and what a division by zero leaves
+            number = complex(part) if part.is_finite else complex(np.nan)
+            self._numbers[place] = number if number.imag else number.real
+        elif isinstance(part, sympy.Piecewise):
+            operands = tuple(self._places[argument] for pair in part.args for argument in pair.args)
+            function = _piecewise
+        elif isinstance(part, ExprCondPair):
+            function, operands = lambda: None, ()
+        elif function is None:
+            raise KeyError(part.func)
+        self._steps.append((function or _COMPUTE[sympy.Add], operands))
+
+    def __call__(self, values: Mapping[Any, Any]) -> list[Any]:
+        """The values of the expressions, where `values` has numbers or arrays for their symbols."""
+        found: list[Any] = [None] * len(self._steps)
+        for symbol in self.symbols:
+            found[self._places[symbol]] = values[symbol]
+        for place, number in self._numbers.items():
+            found[place] = number
+        with np.errstate(all="ignore"):
+            for place, (function, operands) in enumerate(self._steps):
+                if found[place] is None:
+                    found[place] = function(*[found[operand] for operand in operands])
+        return [found[place] for place in self._results]
+
+
 def evaluate(expressions: Sequence[Any], values: Mapping[Any, Any]) -> list[Any]:
     """Return the values of expressions, where `values` has numbers or arrays for their symbols."""
-    known: dict[Any, Any] = dict(values)
-    with np.errstate(all="ignore"):
-        for expression in expressions:
-            for part in parts(expression):
-                if part not in known:
-                    known[part] = _value(part, known)
-    return [known[expression] for expression in expressions]
+    return Evaluation(expressions)(values)
 
 
-def _value(part: Any, known: Mapping[Any, Any]) -> Any:
-    if part.is_number and not part.args:  # also e, i and what a division by zero leaves
-        number = complex(part) if part.is_finite else complex(np.nan)
-        return number if number.imag else number.real
-    if isinstance(part, sympy.Piecewise):
-        pairs = [(known[value], known[condition]) for value, condition in part.args]
-        return reduce(lambda rest, pair: np.where(pair[1], pair[0], rest), reversed(pairs[:-1]), pairs[-1][0])
-    if part.func is sympy.functions.elementary.piecewise.ExprCondPair:
-        return None
-    return _COMPUTE[part.func](*(known[argument] for argument in part.args))
+def _piecewise(*operands: Any) -> Any:
+    pairs = list(zip(operands[::2], operands[1::2], strict=True))
+    return reduce(lambda rest, pair: np.where(pair[1], pair[0], rest), reversed(pairs[:-1]), pairs[-1][0])
 
 
 def _power(base: Any, exponent: Any) -> Any:

@@ -15,6 +15,7 @@ from ..tape.branch import Select
 from ..tape.parts import exact, is_number, reads, rebuilt, replaced, symbols_of
 from .branches import Branches, Surface
 from .precise import TooMuchWork, Work
+from .real_points import RealPoints
 from .surface_points import Pairs, SurfacePoints
 from .zeros import normal_form
 
@@ -70,7 +71,7 @@ class _Judge:
         constants: Mapping[Any, float],
         conditions: Sequence[Any],
     ) -> None:
-        self.states = states
+        self.states, self.branches = states, branches
         self.sides = {side: second for second, side in branches.seamless.items()}
         self.seamless = branches.seamless
         self.numbers = {symbol: exact(value) for symbol, value in constants.items()}
@@ -86,6 +87,10 @@ class _Judge:
         return declared.union(*(_under_roots(expression) for expression, _ in self.everything))
 
     @cached_property
+    def points(self) -> RealPoints:
+        return RealPoints(self.branches, self.states, self.numbers, self.positive, self.conditions)
+
+    @cached_property
     def signs(self) -> dict[Any, int]:
         """Signs of forms that the user states to be positive or negative."""
         declared = (replaced(condition, self.numbers) for condition in self.conditions)
@@ -93,7 +98,8 @@ class _Judge:
 
     def jumps(self, surface: Surface) -> bool:
         """Whether f or another surface may jump there."""
-        return self._jump(surface, [expression for expression, symbols in self.everything if surface.side in symbols])
+        reading = [expression for expression, symbols in self.everything if surface.side in symbols]
+        return bool(reading) and (self.points.jumps(surface, reading) or self._jump(surface, reading))
 
     def moves_others(self, surface: Surface) -> bool:
         """Whether another surface may jump there. What reads the side by min, max or abs alone does not."""

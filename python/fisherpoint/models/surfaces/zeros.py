@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
+import numpy as np
 import sympy
 
-from ..tape.parts import exact, is_number, parts, replaced
+from ..tape.parts import exact, is_number, parts, replaced, symbols_of
+from .evaluate import evaluate
 
 
 def normal_form(expression: Any) -> tuple[Any, int]:
@@ -37,6 +39,7 @@ def reduced(expression: Any) -> tuple[Any, int]:
     return rest, sign
 
 
+_POINTS, _DIFFERENT = 4, 1e-6
 _MULTIPLIED = 200
 """The most parts of an expression that is multiplied out."""
 
@@ -58,9 +61,14 @@ class Multiples:
         self._moving = frozenset(moving)
         self._numbers = {symbol: exact(value) for symbol, value in constants.items()}
         self._known: dict[Any, dict[Any, Any]] = {}
+        self._rng = np.random.default_rng(0)
+        self._points: dict[Any, Any] = {}
+        self._values: dict[Any, Any] = {}
 
     def sign(self, expression: Any, other: Any) -> Any:
         """The sign of expression / other, where that is such a factor: 1, -1 or an expression; None where it is not."""
+        if not self._may_be_multiple(expression, other):
+            return None
         a, b = self._coefficients(expression), self._coefficients(other)
         if not a or a.keys() != b.keys():
             return None
@@ -73,6 +81,21 @@ class Multiples:
             return sympy.S.One if known.is_positive else sympy.S.NegativeOne
         above, below = sympy.fraction(factor)
         return sympy.sign(factor) if self._divided_by(b, above) and self._divided_by(a, below) else None
+
+    def _may_be_multiple(self, expression: Any, other: Any) -> bool:
+        """Whether the quotient is the same at random points between which nothing but what moves changes."""
+        with np.errstate(all="ignore"):
+            quotient = self._at_points(expression) / self._at_points(other)
+            return bool(np.abs(quotient[1:] - quotient[0]).max() <= _DIFFERENT * np.abs(quotient[0])) or not np.isfinite(quotient).all()
+
+    def _at_points(self, expression: Any) -> Any:
+        if expression not in self._values:
+            for symbol in sorted(symbols_of(expression) - self._points.keys(), key=str):
+                moves = self._moves(symbol)
+                drawn = self._rng.uniform(0.5, 2, (2, _POINTS if moves else 1)) * self._rng.choice([-1, 1], (2, _POINTS if moves else 1))
+                self._points[symbol] = np.broadcast_to(drawn[0] + (0 if isinstance(symbol, sympy.Dummy) else 1j * drawn[1]), _POINTS)
+            self._values[expression] = np.broadcast_to(evaluate([expression], self._points)[0], _POINTS)
+        return self._values[expression]
 
     def _divided_by(self, coefficients: Mapping[Any, Any], factors: Any) -> bool:
         """Whether no factor can be zero, as one of the coefficients has it as a divisor."""
