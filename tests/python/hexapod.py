@@ -21,7 +21,9 @@ def textbook(hx: ModuleType, variant: int = 9, friction: str = "coulomb", names:
     states |= dict(w_x="rad/s", w_y="rad/s", w_z="rad/s")
     for i in hx.LEGS:
         states |= {f"p_A{i}": ("Pa", 1e7), f"p_B{i}": ("Pa", 1e7), f"x_v{i}": "1"}
-    outputs = {f"q{i}": "m" for i in hx.LEGS} | {f"{k}{i}": u for k, u in (("p_A", "Pa"), ("p_B", "Pa"), ("x_v", "1")) for i in hx.LEGS}
+    outputs = {f"q{i}": "m" for i in hx.LEGS} | {
+        f"{k}{i}": u for k, u in (("p_A", "Pa"), ("p_B", "Pa"), ("x_v", "1")) for i in hx.LEGS
+    }
     parameters = {k: hx.LEG[k][1] for k in shared} | {f"{k}_{i}": hx.LEG[k][1] for i in hx.LEGS for k in per_leg}
     parameters |= {k: hx.BODY[k][1] for k in body}
     constants = dict(hx.CONSTANTS) | {k: v[:2] for k, v in hx.LEG.items() if k not in (*shared, *per_leg)}

@@ -10,12 +10,12 @@ import sympy
 from sympy.functions.elementary.piecewise import ExprCondPair
 
 from ..basics.messages import shown
-from .expressions import checked
+from .expressions import Doubles
 from .given_equations import Written, equation_of
 from .quantities import checked_quantity_name
 from .tape.defined import Defined, defined
 from .tape.definition import Definition
-from .tape.parts import parts, remade, symbols_of
+from .tape.parts import check_size, parts, remade, symbols_of
 from .terms import Term, Unwritable, applied, as_term
 
 MOST = 2000
@@ -139,28 +139,27 @@ def _expressions(given: Iterable[Any]) -> list[Any]:
 class WrittenOut:
     """Expressions with the values of definitions in their place, as they would be if each were written out."""
 
-    def __init__(self, definitions: Iterable[Definition], symbols: Mapping[str, Any], clocks: Mapping[str, Any]) -> None:
-        self._symbols = {name: one for name, one in symbols.items() if not isinstance(one, Definition)}
-        self._clocks = clocks
+    def __init__(self, definitions: Iterable[Definition]) -> None:
         self._terms: dict[Any, Term] = {}
-        self._made: dict[Any, Any] = {}
+        self._depths: dict[Any, int] = {}
+        self._doubles = Doubles()
         self.named: dict[Any, Definition] = {}
         """Values, written out, of definitions; of those with the same value the first."""
         for one in definitions:
-            value = self(one.value, f"definitions.{one.name}")
+            value = self._made(one.value, f"definitions.{one.name}")
             self._terms[one] = Term(value.args[0], value.args[1:]) if isinstance(value, Defined) else Term(value)
             if value.args:
                 self.named.setdefault(value, one)
 
     def __call__(self, expression: Any, place: str) -> Any:
-        if not self._terms:
-            return expression
-        if expression not in self._made:
-            for part in parts(expression, self._terms):
-                self._terms[part] = self._term(part)
-            made = self._terms[expression]._sympy_()
-            self._made[expression] = made if made is expression else checked(made, self._symbols, place, self._clocks)
-        return self._made[expression]
+        return self._made(expression, place) if self._terms else expression
+
+    def _made(self, expression: Any, place: str) -> Any:
+        for part in parts(expression, self._terms):
+            self._terms[part] = self._term(part)
+        made = self._terms[expression]._sympy_()
+        check_size(made, place, self._depths)
+        return self._doubles(made, place)
 
     def _term(self, part: Any) -> Term:
         terms = [self._terms[argument] for argument in part.args]

@@ -17,7 +17,7 @@ from .tape.defined import Defined
 from .tape.delay import delay_in
 from .tape.kinds import KINDS
 from .tape.latch import Latch
-from .tape.parts import cases, check_size, is_number, parts, rebuilt, replaced, symbols_of, with_exact_numbers
+from .tape.parts import cases, check_size, is_number, parts, rebuilt, symbols_of, with_exact_numbers
 
 MAX_EXPONENT = 1000
 """The largest number as an exponent; sympy works powers of numbers out to the last digit."""
@@ -81,16 +81,36 @@ def checked(
         if delay_in(unknown) is not None:  # whose names the model checks
             continue
         _known(unknown.name, symbols, place)
-    expression = replaced(expression, {part: _number(part, place) for part in parts(expression) if _is_number(part)})
-    expression = rebuilt(expression, lambda _, now: with_exact_numbers(now))
-    for part in parts(expression):
-        if part.is_Number:
-            _number(part, place)
-        if part.is_Pow and part.exp.is_Number and abs(part.exp) > MAX_EXPONENT:
-            raise ValueError(f"{place}: expected exponents of at most {MAX_EXPONENT}, given {float(part.exp):g}")
-        if isinstance(part, sympy.Piecewise) and part.args[-1][1] != sympy.true:
-            raise ValueError(f"{place}: expected a Piecewise whose last condition is True, given {shortened(part)}")
-    return expression
+    return Doubles()(expression, place)
+
+
+class Doubles:
+    """Expressions with numbers that doubles hold, for several that share their parts."""
+
+    def __init__(self) -> None:
+        self._valued: dict[Any, Any] = {}
+        self._exact: dict[Any, Any] = {}
+        self._checked: dict[Any, None] = {}
+
+    def __call__(self, expression: Any, place: str) -> Any:
+        """Return an expression with its numbers rounded.
+
+        Raises
+        ------
+        ValueError
+            For a number that is none, an exponent that is too large, or cases that are not all.
+        """
+        valued = rebuilt(expression, lambda part, now: _number(part, place) if _is_number(part) else now, self._valued)
+        rounded = rebuilt(valued, lambda _, now: with_exact_numbers(now), self._exact)
+        for part in parts(rounded, self._checked):
+            if part.is_Number:
+                _number(part, place)
+            if part.is_Pow and part.exp.is_Number and abs(part.exp) > MAX_EXPONENT:
+                raise ValueError(f"{place}: expected exponents of at most {MAX_EXPONENT}, given {float(part.exp):g}")
+            if isinstance(part, sympy.Piecewise) and part.args[-1][1] != sympy.true:
+                raise ValueError(f"{place}: expected a Piecewise whose last condition is True, given {shortened(part)}")
+            self._checked[part] = None
+        return rounded
 
 
 def _step(of: Any, at_zero: Any) -> Any:

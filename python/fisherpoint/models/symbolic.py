@@ -152,7 +152,7 @@ class SymbolicModel(DescribedModel):
         conditions = [condition_of(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
         anew = states_set_anew(given_resets, names_of(self.states), symbols, clocks)
         self._written = WrittenEquations(definitions, tuple(rates), tuple(output), tuple(conditions), anew.given)
-        self._written_out = WrittenOut([symbols[name] for name in definitions], symbols, clocks)
+        self._written_out = WrittenOut(symbols[name] for name in definitions)
         of: dict[str, Any] = {
             kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")
         }

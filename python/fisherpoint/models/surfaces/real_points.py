@@ -72,7 +72,9 @@ class RealPoints:
             found = found & self._allowed(on)
             if np.count_nonzero(found) < _ENOUGH:
                 continue
-            aside = {one: at if one in self._numbers else at * (1 + _ASIDE * rng.choice([-1, 1], _POINTS)) for one, at in on.items()}
+            aside = {
+                one: at if one in self._numbers else at * (1 + _ASIDE * rng.choice([-1, 1], _POINTS)) for one, at in on.items()
+            }
             aside[unknown] = root + _ASIDE * values[unknown]
             differences, sizes = self._differences(surface, reading, on)
             different = found & (np.abs(differences) > _DIFFERENT * sizes)

@@ -86,14 +86,21 @@ class Multiples:
         """Whether the quotient is the same at random points between which nothing but what moves changes."""
         with np.errstate(all="ignore"):
             quotient = self._at_points(expression) / self._at_points(other)
-            return bool(np.abs(quotient[1:] - quotient[0]).max() <= _DIFFERENT * np.abs(quotient[0])) or not np.isfinite(quotient).all()
+            return (
+                bool(np.abs(quotient[1:] - quotient[0]).max() <= _DIFFERENT * np.abs(quotient[0]))
+                or not np.isfinite(quotient).all()
+            )
 
     def _at_points(self, expression: Any) -> Any:
         if expression not in self._values:
             for symbol in sorted(symbols_of(expression) - self._points.keys(), key=str):
                 moves = self._moves(symbol)
-                drawn = self._rng.uniform(0.5, 2, (2, _POINTS if moves else 1)) * self._rng.choice([-1, 1], (2, _POINTS if moves else 1))
-                self._points[symbol] = np.broadcast_to(drawn[0] + (0 if isinstance(symbol, sympy.Dummy) else 1j * drawn[1]), _POINTS)
+                drawn = self._rng.uniform(0.5, 2, (2, _POINTS if moves else 1)) * self._rng.choice(
+                    [-1, 1], (2, _POINTS if moves else 1)
+                )
+                self._points[symbol] = np.broadcast_to(
+                    drawn[0] + (0 if isinstance(symbol, sympy.Dummy) else 1j * drawn[1]), _POINTS
+                )
             self._values[expression] = np.broadcast_to(evaluate([expression], self._points)[0], _POINTS)
         return self._values[expression]
 

@@ -7,6 +7,7 @@ whole numbers are Integers here, however they were written.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import sympy
@@ -63,7 +64,13 @@ def remade(part: Any, args: Sequence[Any]) -> Any:
         return part.func(*args, evaluate=False)
     if isinstance(part, Relational):
         return compared(part.func, *args)
-    return sympy.Basic.__new__(part.func, *args) if isinstance(part, ExprCondPair | sympy.Piecewise) else part.func(*args)
+    return _unchanged(part.func, *args) if isinstance(part, ExprCondPair | sympy.Piecewise) else part.func(*args)
+
+
+@lru_cache(maxsize=10_000)
+def _unchanged(kind: Any, *args: Any) -> Any:
+    """A part of arguments as they are; the same one for the same arguments, as deep parts are slow to compare."""
+    return sympy.Basic.__new__(kind, *args)
 
 
 def compared(kind: type[Relational], left: Any, right: Any) -> Any:
@@ -78,7 +85,7 @@ def compared(kind: type[Relational], left: Any, right: Any) -> Any:
 def cases(value: Any, condition: Any, otherwise: Any) -> sympy.Piecewise:
     """The value where the condition holds; SymPy's own way to make it multiplies out conditions that have cases in them."""
     pairs = ((value, condition), (otherwise, sympy.true))
-    return sympy.Basic.__new__(sympy.Piecewise, *(sympy.Basic.__new__(ExprCondPair, *map(sympy.sympify, pair)) for pair in pairs))
+    return _unchanged(sympy.Piecewise, *(_unchanged(ExprCondPair, *map(sympy.sympify, pair)) for pair in pairs))
 
 
 def reads(expression: Any, symbols: Collection[Any]) -> bool:
@@ -91,14 +98,14 @@ def symbols_of(expression: Any) -> set[Any]:
     return {part for part in parts(expression) if part.is_Symbol}
 
 
-def check_size(expression: Any, place: str) -> None:
-    """Raise where SymPy, which goes down by recursion, would take too long."""
-    depth: dict[Any, int] = {}
-    for part in parts(expression):
-        depth[part] = 1 + max((depth[argument] for argument in part.args), default=0)
+def check_size(expression: Any, place: str, depths: dict[Any, int] | None = None) -> None:
+    """Raise where SymPy, which goes down by recursion, would take too long; `depths` has the parts of expressions before."""
+    known = {} if depths is None else depths
+    for part in parts(expression, known):
+        known[part] = 1 + max((known[argument] for argument in part.args), default=0)
     for what, given, most in (
-        ("different operations", len(depth), MAX_OPERATIONS),
-        ("nested operations", depth[expression], MAX_NESTED),
+        ("different operations", len(known), MAX_OPERATIONS),
+        ("nested operations", known[expression], MAX_NESTED),
     ):
         if given > most:
             raise ValueError(f"{place}: expected at most {most} {what}, given {given}")
