@@ -40,6 +40,7 @@ ALSO = (
     "floats",
     "nice",
     "nice",
+    "definitions",
     "delay",
     "late",
     "updates",

@@ -18,6 +18,7 @@ from hypothesis.errors import Flaky
 from check_bits import Levels, check_bits, check_compiled
 from check_callables import check_callable
 from check_covariances import check_covariance
+from check_definitions import check_definitions
 from check_delay import check_delay
 from check_floats import check_floats
 from check_kinds import check_kinds
@@ -175,6 +176,7 @@ def checked(case: Case, figures: Figures, levels: Levels | None, only: str) -> l
         "nice": lambda: check_nice(bench),
         "kinds": lambda: check_kinds(bench),
         "runs": lambda: check_runs(bench),
+        "definitions": lambda: check_definitions(bench),
         "delay": lambda: check_delay(bench),
         "late": lambda: check_late(bench),
         "updates": lambda: check_updates(bench),

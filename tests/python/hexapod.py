@@ -1,4 +1,4 @@
-"""A servo-hydraulic platform on six legs as a textbook writes it: 30 states, nothing reformulated, with names where a book has them.
+"""A servo-hydraulic platform on six legs as a textbook writes it: 30 states, nothing reformulated, names where a book has them.
 
 The pose is that of the plane of the platform's joints, R = Rz Ry Rx; velocities are in the body's frame. Newton and Euler about the
 centre of gravity c, the inertia inverted as a matrix.

@@ -13,6 +13,7 @@ from ..basics.messages import shown
 from .expressions import Doubles
 from .given_equations import Written, equation_of
 from .quantities import checked_quantity_name
+from .surfaces.limits import has_limits
 from .tape.defined import Defined, defined
 from .tape.definition import Definition
 from .tape.parts import check_size, parts, remade, symbols_of
@@ -167,7 +168,8 @@ class WrittenOut:
             return Term(part)
         if isinstance(part, Defined):
             value, *others = terms
-            return Term(value.expression, (*value.lost, *(one for term in others for one in (term.expression, *term.lost))))
+            lost = (one for term in others for one in (term.expression, *term.lost) if has_limits(one))
+            return Term(value.expression, (*value.lost, *lost))
         if isinstance(part, ExprCondPair):  # what a branch is written of counts where it is taken
             value, condition = terms
             return Term(remade(part, (value._sympy_(), condition.expression)), condition.lost)

@@ -63,6 +63,11 @@ def left_out(value: Any, operands: Iterable[Any]) -> tuple[Any, ...]:
     return tuple(dict.fromkeys(lost))
 
 
+def has_limits(expression: Any) -> bool:
+    """Whether an expression has no value somewhere."""
+    return bool(_limited(expression))
+
+
 def _stands_in(operand: Any, value: Any) -> bool:
     """Whether the operand is seen at once to be whole in the value."""
     if operand == value or not (operand.args or isinstance(operand, Definition)):
