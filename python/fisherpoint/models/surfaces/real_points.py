@@ -144,7 +144,7 @@ class RealPoints:
         known[surface.side], known[self._seconds[surface.side]] = side, side if second is None else second
 
     def _differences(self, surface: Surface, reading: Sequence[Any], values: Mapping[Any, Array]) -> tuple[Array, Array]:
-        """Differences of expressions between both sides of the surface, and their sizes, where other sides are those at the point."""
+        """Differences of expressions between both sides of the surface, and their sizes; other sides are those at the point."""
         if surface not in self._evaluations:
             self._evaluations[surface] = Evaluation(reading)
         of = self._evaluations[surface]
