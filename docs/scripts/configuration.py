@@ -64,6 +64,8 @@ TABLES: dict[str, tuple[str, str, dict[str, str]]] = {
             "parameters": "The parameters, by name.",
             "constants": "Known constants, by name. Of a built-in model: those that differ from their default.",
             "outputs": "The outputs, by name. An output with the name of a state and no equation is that state.",
+            "definitions": "By name: [intermediate quantities](../how_to/models.md#models-with-many-equations), which equations and"
+            " later definitions have by name.",
             "equations": "By name: the rate of each state, and each output that is not simply a state. `t` is the time, where"
             " nothing else has the name; conditions are joined by `and`, `or`, `not`, or by `&`, `|`, `~` with brackets."
             " `delay(u, tau)` is an input with a [dead time](../how_to/dead_time.md), and a state in an output that is late.",

@@ -22,9 +22,9 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from bench.hexapod import textbook
 from fisherpoint.models.codec import model_from_json, model_to_json
 from fisherpoint.models.model_text import LINES, WIDTH
-from textbook_hexapod import textbook
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "hexapod"
 

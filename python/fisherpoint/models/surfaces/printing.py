@@ -23,6 +23,28 @@ class _EquationPrinter(StrPrinter):  # type: ignore[misc]
         terms = list(super()._as_ordered_terms(expression, order=order))
         return sorted(terms, key=lambda term: term is not next((t for t in terms if not t.could_extract_minus_sign()), None))
 
+    def _print_Mul(self, product: Any) -> str:
+        number, rest = product.as_coeff_Mul()
+        above, below = _multiplied_out(number, rest)
+        if not (above or below):
+            return str(super()._print_Mul(product))
+        size = abs(number)
+        over, under = (size.p, size.q) if size.is_Rational else (size, 1)
+        first = "" if over == 1 else f"{self._print(sympy.sympify(over))}*"
+        text = f"({self._print(rest)})" if above or first else str(self._print(rest))
+        return f"{'-' if number < 0 else ''}{first}{text}{'' if under == 1 else f'/{under}'}"
+
+    def _print_Add(self, total: Any, order: Any = None) -> str:
+        first, *others = self._as_ordered_terms(total, order=order)
+        if not any(term.is_Mul and term.args[0] == -1 and any(_multiplied_out(*term.as_coeff_Mul())) for term in others):
+            return str(super()._print_Add(total, order=order))
+        text = str(self._print(first))
+        for term in others:  # a minus between terms is that of the whole product
+            minus = term.is_Mul and term.args[0] == -1
+            added = self.parenthesize(-term if minus else term, PRECEDENCE["Add"])
+            text += f" - {added}" if minus else f" - {added[1:]}" if added.startswith("-") else f" + {added}"
+        return text
+
     def _call(self, name: str, arguments: Any) -> str:
         return f"{name}({', '.join(self._print(argument) for argument in arguments)})"
 
@@ -71,6 +93,17 @@ class _EquationPrinter(StrPrinter):  # type: ignore[misc]
         if isinstance(comparison.lhs, Latch):  # as a condition
             return str(self._print(comparison.lhs))
         return f"{self._print(comparison.lhs)} {comparison.rel_op} {self._print(comparison.rhs)}"
+
+
+def _multiplied_out(number: Any, rest: Any) -> tuple[bool, bool]:
+    """Whether a number would be multiplied into a sum behind it, above or below, where a product is read from left to right."""
+    if number == 1 or not number.is_finite:
+        return False, False
+    divisors = [one for one in rest.as_ordered_factors() if one.is_Pow and one.exp.as_coeff_Mul()[0] < 0]
+    factors = [one for one in rest.as_ordered_factors() if one not in divisors]
+    above = bool(factors and factors[0].is_Add and rest.is_Mul) and not (number.is_Rational and number.p == 1)
+    below = bool(divisors and divisors[0].base.is_Add and divisors[0].exp == -1) and number.is_Rational and number.q != 1
+    return above, below
 
 
 _PRINTER = _EquationPrinter()

@@ -17,7 +17,7 @@ import fisherpoint as fp
 def textbook(hx: ModuleType, variant: int = 9, friction: str = "coulomb", names: bool = True) -> Any:
     """The model of the module `hx`, which has its numbers and names, with or without definitions."""
     shared, per_leg, body = hx.VARIANTS[variant]
-    states = dict(x="m", y="m", z="m", roll="rad", pitch="rad", yaw="rad", v_x="m/s", v_y="m/s", v_z="m/s")
+    states: dict[str, Any] = dict(x="m", y="m", z="m", roll="rad", pitch="rad", yaw="rad", v_x="m/s", v_y="m/s", v_z="m/s")
     states |= dict(w_x="rad/s", w_y="rad/s", w_z="rad/s")
     for i in hx.LEGS:
         states |= {f"p_A{i}": ("Pa", 1e7), f"p_B{i}": ("Pa", 1e7), f"x_v{i}": "1"}
@@ -54,7 +54,9 @@ def textbook(hx: ModuleType, variant: int = 9, friction: str = "coulomb", names:
         r, v, w = np.array([s.x, s.y, s.z]), np.array([s.v_x, s.v_y, s.v_z]), np.array([s.w_x, s.w_y, s.w_z])
         c = np.array([p.c_x, p.c_y, p.c_z])
         inertia = np.array([[p.J_xx, p.J_xy, p.J_xz], [p.J_xy, p.J_yy, p.J_yz], [p.J_xz, p.J_yz, p.J_zz]])
-        force, moment, legs, lengths = np.zeros(3), np.zeros(3), [], []
+        force: Any = np.zeros(3)
+        moment: Any = np.zeros(3)
+        legs, lengths = [], []
         for i in hx.LEGS:
             a = platform[i - 1]
             arm = turn.T @ (r - base[i - 1]) + a
@@ -86,5 +88,5 @@ def textbook(hx: ModuleType, variant: int = 9, friction: str = "coulomb", names:
         measured = [getattr(s, f"{k}{i}") for k in ("p_A", "p_B", "x_v") for i in hx.LEGS]
         return [*(turn @ v), *angles, *dv, *dw, *legs], [*lengths, *measured]
 
-    options = dict(states=states, inputs={f"u{i}": "1" for i in hx.LEGS}, parameters=parameters, outputs=outputs)
+    options: dict[str, Any] = dict(states=states, inputs={f"u{i}": "1" for i in hx.LEGS}, parameters=parameters, outputs=outputs)
     return fp.model(**options, constants=constants, name=f"hexapod_{variant}_{friction}")(equations)
