@@ -5,13 +5,14 @@ SymPy's own way to pickle goes down by recursion, and its way to make a part fro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import sympy
 from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
 
+from .surfaces.structure import Equations
 from .tape.definition import Definition
 from .tape.parts import parts
 
@@ -55,10 +56,6 @@ class ExpressionList:
                 made.append(_made(entry[0], [made[place] for place in entry[1]]))
         return made
 
-    def key(self) -> tuple[Any, ...]:
-        """What two lists of the same expressions share."""
-        return tuple(self.entries)
-
     def __reduce__(self) -> tuple[Any, ...]:
         return _with_entries, (self.entries,)
 
@@ -75,3 +72,17 @@ def _made(kind: Any, args: Sequence[Any]) -> Any:
     if issubclass(kind, sympy.Expr | Relational | sympy.And | sympy.Or | sympy.Not):
         return kind(*args, evaluate=False)
     return kind(*args)
+
+
+def key_of(equations: Equations) -> tuple[Any, ...]:
+    """What two models with the same equations share, and no others; it is compared in no time."""
+    found = ExpressionList()
+
+    def values(of: Iterable[tuple[Any, Any]]) -> tuple[tuple[str, int], ...]:
+        return tuple((x.name, found.place_of(value)) for x, value in of)
+
+    places = [found.places_of(of) for of in (equations.rates, equations.output, equations.conditions)]
+    along = tuple((text, found.place_of(one)) for text, one in equations.along)
+    resets = tuple((found.place_of(one.condition), values(one.values)) for one in equations.resets)
+    updates = tuple((one.times, values(one.values)) for one in equations.updates)
+    return (*places, along, resets, updates, tuple(found.entries))

@@ -100,6 +100,9 @@ class DescribedModel(Model):
         """The known constants by name, SI units."""
         return self._constants
 
+    def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
+        return self.states, self.inputs, self.parameters, self.constant_quantities
+
     @property
     def _given_constants(self) -> dict[str, tuple[float, Quantity]]:
         """Constants as they are described."""

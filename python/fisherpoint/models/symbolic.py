@@ -4,41 +4,35 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, TypedDict, Unpack
+from typing import Any, Unpack
 
 import numpy as np
-import sympy
 
 from ..basics.checks import check_flag, check_known
-from ..basics.messages import shown
 from ..basics.quantity import Quantity, names_of
 from ..basics.values import Array, FrozenMapping
 from ..engine import _core
 from ..engine.levels import Kernels
-from .clock import NAMES, clock_names, clock_quantity
+from .clock import NAMES, clock_quantity
 from .compiled import CompiledCore, compiled_model
-from .definitions import WrittenOut, read_definitions
-from .delays import without_delays
 from .dependence import Dependence
 from .dimensions import is_time, mistakes_in_units, plain_rate_of, rate_of, stated
-from .expression_list import ExpressionList
+from .expression_list import key_of
 from .expressions import symbol
-from .given_equations import Written, check_count, condition_of, equation_of, limits_of, listed_equations
+from .given_equations import Written, listed_equations
 from .hidden_states import HiddenCore, HiddenKernels
 from .model_text import latex, model_text
 from .model_to_toml import Texts, equations_toml
 from .quantities import RESERVED, Described, DescribedModel, check_counts, start_offsets
-from .set_anew import check_moving, pairs_of, states_set_anew
+from .read_equations import FurtherEquations, given_equations, place_of, read_equations
 from .sharing import Shared, with_shared_parts
 from .surfaces.branches import Surface
-from .surfaces.domain import MOST, Limit
-from .surfaces.memory import has_latch
+from .surfaces.domain import Limit
 from .surfaces.printing import to_text
-from .surfaces.structure import Equations, Structure, followed
-from .tape.defined import value_of
+from .surfaces.structure import Structure, followed
 from .tape.delay import delay_in
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
@@ -47,18 +41,6 @@ from .written import WrittenEquations
 
 MOST_MISTAKES = 5
 """Maximum number of mistakes in units that a warning lists."""
-
-
-class FurtherEquations(TypedDict, total=False):
-    """What a model may have beside f and g: see `SymbolicModel`."""
-
-    domain: Iterable[Any]
-    resets: Mapping[Any, Mapping[str, Any]] | Iterable[tuple[Any, Mapping[str, Any]]]
-    definitions: Mapping[str, Any] | None
-
-
-def _further(*, domain: Any = (), resets: Any = (), definitions: Any = None) -> tuple[Any, Any, Any]:
-    return domain, resets, definitions
 
 
 def _names(of: Callable[[Structure], Iterable[Surface | Limit]]) -> Any:
@@ -124,10 +106,9 @@ class SymbolicModel(DescribedModel):
         check_units: bool = True,
         **further: Unpack[FurtherEquations],
     ) -> None:
-        domain, resets, given_definitions = _further(**further)
-        given_f, given_g, given_domain = listed_equations(f, "f"), listed_equations(g, "g"), listed_equations(domain, "domain")
+        given = given_equations(f, g, **further)
         if outputs is None:
-            outputs = {"y": "1"} if len(given_g) == 1 else {f"y_{i + 1}": "1" for i in range(len(given_g))}
+            outputs = {"y": "1"} if len(given.g) == 1 else {f"y_{i + 1}": "1" for i in range(len(given.g))}
         check_counts(LIMIT, states=states, inputs=inputs, parameters=parameters, outputs=outputs, constants=constants)
         self._describe(states, inputs, parameters, outputs, constants, name, nominal)
         if not self.states and not self.inputs:
@@ -135,47 +116,12 @@ class SymbolicModel(DescribedModel):
         for kind in ("states", "parameters"):
             if len(getattr(self, kind)) > LIMIT:
                 raise ValueError(f"{kind}: expected at most {LIMIT}, given {len(getattr(self, kind))}")
-        check_count(given_f, "f", self.states)
-        check_count(given_g, "g", self.outputs)
-        for place, many in (("domain", given_domain), ("along", self.along)):
-            if len(many) > MOST:
-                raise ValueError(f"{place}: expected at most {MOST} conditions, given {len(many)}")
-        symbols = {quantity.name: symbol(quantity.name) for quantities in self._quantities() for quantity in quantities}
-        times = clock_names(symbols) if self.states else []
-        clocks = {name: symbol(times[0]) for name in times}
-        given_resets = pairs_of(resets, names_of(self.states))
-        everything = [*given_f, *given_g, *given_domain, *(one for when, new in given_resets for one in (when, *new.values()))]
-        definitions = read_definitions(given_definitions, everything, symbols, clocks)
-        places = [f"equations.{q.name}" for q in self.states], [*map(self._place_of, self.outputs)]
-        rates = [equation_of(e, symbols, place, clocks) for e, place in zip(given_f, places[0], strict=True)]
-        output = [equation_of(e, symbols, place, clocks) for e, place in zip(given_g, places[1], strict=True)]
-        conditions = [condition_of(e, symbols, f"domain[{i}]", clocks) for i, e in enumerate(given_domain)]
-        anew = states_set_anew(given_resets, names_of(self.states), symbols, clocks)
-        self._written = WrittenEquations(definitions, tuple(rates), tuple(output), tuple(conditions), anew.given)
-        self._written_out = WrittenOut(symbols[name] for name in definitions)
-        of: dict[str, Any] = {
-            kind: tuple(symbols[q.name] for q in getattr(self, kind)) for kind in ("states", "inputs", "parameters")
-        }
-        moving = {*of["states"], *of["inputs"]}
-        written = Equations(
-            tuple(one.expression for one in rates),
-            tuple(one.expression for one in output),
-            tuple(one.expression for one in conditions),
-            **of,
-            constants={symbols[n]: v for n, v in self.constants.items()},
-            resets=anew.resets,
-            updates=anew.updates,
-        ).changed(self._written_out, *places)
-        values = {name: self._written_out(one, name) for name, one in symbols.items()}
-        written = replace(written, along=limits_of(self.along, values, self.offsets, moving))
-        self._check_written(written, moving.union(clocks.values()))
-        delays, self.equations = without_delays(written, *places, clocks)
-        self.delays = FrozenMapping(delays)
+        read = read_equations(self, given)
+        self._written, self._written_out, self.equations, self.clock = read.written, read.written_out, read.equations, read.clock
+        self.delays = FrozenMapping(read.delays)
         late = {self.outputs[i].name: tau for i, tau in self.equations.late.items()}
         self.late_outputs = FrozenMapping({name: tau.name if tau.is_Symbol else float(tau) for name, tau in late.items()})
-        read = set().union(*map(symbols_of, (*written.rates, *self.equations.output, *written.conditions, *written.values_anew())))
-        self.clock = next((clock for clock in clocks.values() if clock in read), None)
-        self.updates = tuple(update.times for update in anew.updates)
+        self.updates = tuple(update.times for update in self.equations.updates)
         self.structure = Structure(followed(self.equations, self.clock))
         self.latches = len(self.structure.equations.latches)
         surfaces, limits = self.structure.surfaces, self.structure.limits
@@ -183,25 +129,6 @@ class SymbolicModel(DescribedModel):
             raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given {len(surfaces) + len(limits)}")
         if check_flag(check_units, "check_units"):
             self.warn_of_units(stacklevel=3)
-
-    def _check_written(self, written: Equations, moving: Set[Any]) -> None:
-        """Raise where an output depends on nothing, a condition of a reset does not move, or a latch stands where none may."""
-        constants = set(written.constants)
-        for quantity, expression in zip(self.outputs, written.output, strict=True):
-            place = self._place_of(quantity)
-            if not symbols_of(value_of(expression)) - constants:
-                raise ValueError(f"{place}: expected an output that depends on something, given {to_text(expression):.60}")
-        check_moving(written.resets, self._written.resets, moving)
-        outputs = zip(map(self._place_of, self.outputs), written.output, strict=True)
-        for place, expression in (*outputs, ("domain", sympy.Tuple(*written.conditions))):
-            if has_latch(expression):
-                raise ValueError(
-                    f"{place}: expected no latch(), which rates and resets alone read: set a state of your own by resets"
-                )
-        for update in written.updates:
-            for x, value in update.values:
-                if has_latch(value):
-                    raise ValueError(f"resets.{shown(update.times.text)}.{x.name}: expected no latch() at known times")
 
     @cached_property
     def _shared(self) -> Shared:
@@ -239,7 +166,7 @@ class SymbolicModel(DescribedModel):
         equations, states, outputs = self.equations, self.states, self.outputs
         both = [
             *((f"equations.{q.name}", rate, rate_of(q)) for q, rate in zip(states, equations.rates, strict=True)),
-            *((self._place_of(q), output, stated(q)) for q, output in zip(outputs, equations.output, strict=True)),
+            *((place_of(self, q), output, stated(q)) for q, output in zip(outputs, equations.output, strict=True)),
         ]
         conditions = [*((f"domain[{i}]", one) for i, one in enumerate(equations.conditions)), *equations.along]
         rates = {f"equations.{q.name}": plain_rate_of(q) for q in states}
@@ -433,12 +360,6 @@ class SymbolicModel(DescribedModel):
         given: dict[str, Any] = dict(constants=constants, name=self.name, nominal=nominal, check_units=False)
         return given | dict(along=self.along, offsets=dict(self.offsets))
 
-    def _quantities(self) -> tuple[tuple[Quantity, ...], ...]:
-        return self.states, self.inputs, self.parameters, self.constant_quantities
-
-    def _place_of(self, output: Quantity) -> str:
-        return f"{'outputs' if output.name in names_of(self.states) else 'equations'}.{output.name}"
-
     @cached_property
     def _dependence(self) -> Dependence:
         return Dependence(self.structure, *map(names_of, (self._followed, self.inputs, self.parameters, self.outputs)))
@@ -468,16 +389,7 @@ class SymbolicModel(DescribedModel):
 
     @cached_property
     def _key(self) -> Hashable:
-        of, parts = self.equations, ExpressionList()
-        named = {"output": of.output, "conditions": of.conditions, "along": [one for _, one in of.along]}
-        resets = [(parts.place_of(one.condition), self._places(parts, one.values)) for one in of.resets]
-        updates = [(one.times, self._places(parts, one.values)) for one in of.updates]
-        places = (parts.places_of(of.rates), *map(parts.places_of, named.values()), tuple(resets), tuple(updates))
-        return parts.key(), places, tuple(text for text, _ in of.along)
-
-    @staticmethod
-    def _places(parts: ExpressionList, values: Iterable[tuple[Any, Any]]) -> tuple[tuple[str, int], ...]:
-        return tuple((x.name, parts.place_of(value)) for x, value in values)
+        return key_of(self.equations)
 
     def _identity(self) -> Hashable:
         described = (self.outputs, tuple(self.constants.items()), frozenset(self.nominal.items()))

@@ -20,7 +20,7 @@ from ..tape.kinds import KINDS
 from ..tape.parts import parts
 
 
-class Evaluation:
+class Evaluator:
     """Expressions as a list of operations, each part once, to be evaluated more than once.
 
     Attributes
@@ -72,7 +72,7 @@ class Evaluation:
 
 def evaluate(expressions: Sequence[Any], values: Mapping[Any, Any]) -> list[Any]:
     """Return the values of expressions, where `values` has numbers or arrays for their symbols."""
-    return Evaluation(expressions)(values)
+    return Evaluator(expressions)(values)
 
 
 def _piecewise(*operands: Any) -> Any:

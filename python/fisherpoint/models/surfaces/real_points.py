@@ -14,7 +14,7 @@ import numpy as np
 from ...basics.values import Array
 from ..tape.parts import symbols_of
 from .branches import Branches, Surface
-from .evaluate import Evaluation
+from .evaluate import Evaluator
 
 _POINTS = 24
 """How many points are looked for."""
@@ -49,11 +49,11 @@ class RealPoints:
         positive: Collection[Any],
         conditions: Sequence[Any],
     ) -> None:
-        self._conditions = Evaluation(conditions)
+        self._conditions = Evaluator(conditions)
         self._surfaces, self._states, self._positive = branches.surfaces, states, positive
         self._seconds = {side: second for second, side in branches.seamless.items()}
-        self._others = [(one, Evaluation([one.expression])) for one in self._surfaces]
-        self._evaluations: dict[Surface, Evaluation] = {}
+        self._others = [(one, Evaluator([one.expression])) for one in self._surfaces]
+        self._evaluations: dict[Surface, Evaluator] = {}
         self._numbers = {symbol: np.full(_POINTS, float(value)) for symbol, value in numbers.items()}
 
     @np.errstate(all="ignore")
@@ -104,7 +104,7 @@ class RealPoints:
             if not read.isdisjoint({one.side, self._seconds[one.side]}):
                 read |= symbols_of(one.expression)
                 before.insert(0, one)
-        expressions = [(one, Evaluation([one.expression])) for one in (*before, surface)]
+        expressions = [(one, Evaluator([one.expression])) for one in (*before, surface)]
 
         def height(values: Mapping[Any, Array]) -> Array:
             known = dict(values)
@@ -146,7 +146,7 @@ class RealPoints:
     def _differences(self, surface: Surface, reading: Sequence[Any], values: Mapping[Any, Array]) -> tuple[Array, Array]:
         """Differences of expressions between both sides of the surface, and their sizes; other sides are those at the point."""
         if surface not in self._evaluations:
-            self._evaluations[surface] = Evaluation(reading)
+            self._evaluations[surface] = Evaluator(reading)
         of = self._evaluations[surface]
         sides = []
         for sign in (1.0, -1.0):

@@ -24,6 +24,10 @@ class Definition(sympy.Symbol):  # type: ignore[misc]
         made.value = value
         return made
 
+    @classmethod
+    def class_key(cls) -> Any:
+        return sympy.Symbol.class_key()  # so that it is printed where a symbol of its name would be
+
     def __getnewargs_ex__(self) -> tuple[Any, ...]:
         return (self.name, self.value), {}
 
