@@ -26,6 +26,7 @@ from misuse_examples import (
 from misuse_values import ARRAY, FLAG, FUNCTION, INT, MAP, NAMES, NONE, NUMBER, PATH, PRIOR, TERM, TEXT
 
 EQUATIONS = (TEXT, TERM, NUMBER, ARRAY, NAMES)
+TERM_GIVEN = sympy.Symbol("h") ** 2
 
 
 @cache
@@ -57,8 +58,10 @@ def model_cases() -> dict[str, Case]:
             g=(OUTPUT, *EQUATIONS),
             domain=(["h"], NONE, *EQUATIONS),
             resets=({"h < 0": {"h": "0"}}, MAP, NONE, NAMES, ARRAY),
+            definitions=({"twice": "2*h"}, MAP, NONE),
             **quantities,
         ),
+        "let": case(fp.let, name=("level", TEXT), value=(TERM_GIVEN, TERM, NUMBER, INT, FLAG)),
         "CallableModel": case(
             fp.CallableModel,
             f=(rates, FUNCTION),
