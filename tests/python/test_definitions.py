@@ -239,6 +239,19 @@ def test_what_is_used_more_than_once_is_computed_once_and_gets_a_name_where_text
     )
 
 
+def test_a_long_chain_of_definitions_is_copied_and_read() -> None:
+    def equations(x: Any, u: Any, p: Any) -> Any:
+        z = x.v
+        for i in range(70):
+            z = fp.let(f"q{i}", fp.math.exp(-z) * p.c)
+        return [z], [x.v]
+
+    model = fp.model(**CAR, check_units=False)(equations)
+    assert [*model.definitions] == [f"q{i}" for i in range(70)]
+    for again in (pickle.loads(pickle.dumps(model)), model_from_toml(model.to_toml()), model.within("v < 3").fix(m=1.0)):
+        assert again.definitions == model.definitions
+
+
 def test_names_of_its_own_collide_with_nothing() -> None:
     model = shared(12, d1="1", d7="1")
     assert next(iter(model.definitions)) == "dd1"

@@ -78,8 +78,8 @@ def test_long_equations_are_models(rate: str, jumps: int, kinks: int) -> None:
 
 @pytest.mark.parametrize("word", ["and", "or"])
 def test_more_surfaces_than_there_may_be_are_refused_at_once(word: str) -> None:
-    conditions = f" {word} ".join(f"x > {k}*p{k % 60}" for k in range(200))
-    with soon(), pytest.raises(ValueError, match=r"^f: expected at most 64 switching surfaces and limits, given more"):
+    conditions = f" {word} ".join(f"x > {k}*p{k % 60}" for k in range(300))
+    with soon(), pytest.raises(ValueError, match=r"^f: expected at most 256 switching surfaces, given more"):
         model(f"where({conditions}, 1, p1)")
 
 

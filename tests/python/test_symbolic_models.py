@@ -151,12 +151,12 @@ MISTAKES: dict[str, Callable[[], Any]] = {
     r"states\.'__class__': expected a name of letters": lambda: make(states={"__class__": "m"}),
     r"parameters: expected at least one, given none": lambda: make(["-x"], parameters={}),
     r"states: expected a state or an input, given neither": lambda: make([], ["k"], states={}, inputs={}),
-    r"states: expected at most 64, given 65": lambda: make(["x"] * 65, states={f"x{i}": "m" for i in range(65)}),
-    r"parameters: expected at most 64, given 100000": lambda: make(parameters={f"2k{i}": "furlong" for i in range(100_000)}),
+    r"states: expected at most 1000, given 1001": lambda: make(["x"] * 1001, states={f"x{i}": "m" for i in range(1001)}),
+    r"parameters: expected at most 1000, given 100000": lambda: make(parameters={f"2k{i}": "furlong" for i in range(100_000)}),
     r"inputs: expected at most 1000, given 100000": lambda: make(inputs={f"2k{i}": "furlong" for i in range(100_000)}),
     r"outputs: expected at most 1000, given 100000": lambda: make(outputs={f"2k{i}": "furlong" for i in range(100_000)}),
     r"constants: expected at most 1000, given 100000": lambda: make(constants={f"2k{i}": (1.0, "furlong") for i in range(100_000)}),
-    r"states: expected at most 64, given 100000": lambda: fp.model(states={f"2x{i}": "m" for i in range(100_000)}, parameters={})(
+    r"states: expected at most 1000, given 100000": lambda: fp.model(states={f"2x{i}": "m" for i in range(100_000)}, parameters={})(
         len
     ),
     r"nominal: expected names of k; given unknown 'q'": lambda: make(nominal={"q": 1.0}),

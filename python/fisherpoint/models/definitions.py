@@ -62,9 +62,10 @@ def let(name: str, value: Any) -> Any:
     return Term(made) if isinstance(value, Term) else made
 
 
-def definitions_in(expressions: Iterable[Any]) -> list[Definition]:
-    """Definitions that stand in expressions and in one another, those before others in which they stand."""
-    found: dict[Definition, None] = {}
+def definitions_in(expressions: Iterable[Any], known: Iterable[Definition] = ()) -> list[Definition]:
+    """Definitions that stand in expressions and in one another, but for known ones, those before others in which they stand."""
+    found: dict[Definition, None] = dict.fromkeys(known)
+    before = len(found)
     stack = [(expression, False) for expression in reversed(list(expressions))]
     while stack:
         one, entered = stack.pop()
@@ -76,7 +77,7 @@ def definitions_in(expressions: Iterable[Any]) -> list[Definition]:
         else:
             own = [part for part in parts(one) if isinstance(part, Definition) and part not in found]
             stack += [(part, False) for part in reversed(own)]
-    return list(found)
+    return list(found)[before:]
 
 
 def read_definitions(
@@ -95,10 +96,12 @@ def read_definitions(
         raise TypeError(f"definitions: expected a mapping of names to terms, given {shown(given)}")
     quantities, found = set(symbols), dict[str, Written]()
     entries: list[tuple[Any, Any]] = []
+    known = {Definition(name, value.expression): None for name, value in (given or {}).items() if isinstance(value, Written)}
     for name, value in (given or {}).items():
-        entries += [(one.name, one.value) for one in definitions_in(_expressions([value]))]
-        entries.append((name, value))
-    entries += [(one.name, one.value) for one in definitions_in(_expressions(expressions))]
+        own = definitions_in(_expressions([value]), known)
+        known |= dict.fromkeys(own)
+        entries += [*((one.name, one.value) for one in own), (name, value)]
+    entries += [(one.name, one.value) for one in definitions_in(_expressions(expressions), known)]
     if len(entries) > MOST:
         raise ValueError(f"definitions: expected at most {MOST}, given {len(entries)}")
     waiting = [checked_quantity_name(name, "definitions") for name, _ in entries]

@@ -39,6 +39,9 @@ from .tape.program import Program, to_core
 from .tape.programs import LIMIT
 from .written import WrittenEquations
 
+MOST_COMPILED = 64
+"""The most states and parameters together of a model that is compiled: they are bits of one word to the compiler."""
+
 MOST_MISTAKES = 5
 """Maximum number of mistakes in units that a warning lists."""
 
@@ -125,8 +128,6 @@ class SymbolicModel(DescribedModel):
         self.structure = Structure(followed(self.equations, self.clock))
         self.latches = len(self.structure.equations.latches)
         surfaces, limits = self.structure.surfaces, self.structure.limits
-        if len(surfaces) + len(limits) > LIMIT:
-            raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given {len(surfaces) + len(limits)}")
         if check_flag(check_units, "check_units"):
             self.warn_of_units(stacklevel=3)
 
@@ -224,12 +225,17 @@ class SymbolicModel(DescribedModel):
         directory for it than the user's own). It takes a C++ compiler, g++ or clang++; without one the model goes on
         interpreted, and a warning says so. Where others could write to the cache, or it cannot be written at all, a warning says so
         too, and the kernels last as long as the process. Results differ by rounding, so that a pickled copy is compiled as well, or
-        an error where another compiler, other flags, or none would have it compute otherwise.
+        an error where another compiler, other flags, or none would have it compute otherwise. A model with latch(), resets, or
+        more than 64 states and parameters together stays interpreted, with a warning.
         """
         if self.compiled:
             return self
         if self.structure.resets or self.updates:
             warnings.warn("compile: expected a model without latch() and resets; the model stays interpreted", stacklevel=2)
+            return self
+        if (count := len(self._followed) + len(self.parameters)) > MOST_COMPILED:
+            what = f"expected at most {MOST_COMPILED} states and parameters together, given {count}"
+            warnings.warn(f"compile: {what}; the model stays interpreted", stacklevel=2)
             return self
         compiled = copy.copy(self)
         compiled.__dict__.pop("core", None)

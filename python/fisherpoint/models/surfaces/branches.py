@@ -14,7 +14,7 @@ from sympy.logic.boolalg import Boolean
 from ..tape.branch import Select
 from ..tape.defined import value_of
 from ..tape.parts import parts, reads, remade, replaced
-from ..tape.programs import LIMIT
+from ..tape.programs import MOST_SURFACES
 from .printing import to_text
 from .zeros import Multiples, normal_form, reduced
 
@@ -203,8 +203,8 @@ class Branches:
             (side, second), orientation = found
             self._by_form[form] = side, second, sign * orientation
         if form not in self._by_form:
-            if len(self.surfaces) == LIMIT:
-                raise ValueError(f"f: expected at most {LIMIT} switching surfaces and limits, given more than {LIMIT} surfaces")
+            if len(self.surfaces) == MOST_SURFACES:
+                raise ValueError(f"f: expected at most {MOST_SURFACES} switching surfaces, given more")
             shown, turned = reduced(written)
             side, second = (sympy.Dummy(f"side_{len(self.surfaces)}", real=True) for _ in range(2))
             self.surfaces.append(Surface(shown, condition if turned > 0 else -condition, side))

@@ -17,7 +17,10 @@ from .schedule import schedule
 from .update import Update
 
 LIMIT = 1000
-"""The most states, parameters and surfaces: derivatives of larger models would fill the memory."""
+"""The most states and parameters: derivatives of larger models would fill the memory."""
+
+MOST_SURFACES = 256
+"""The most switching surfaces."""
 
 MOST_RESETS = 32
 """The most resets that the core takes."""
@@ -331,9 +334,9 @@ def _check(rates: Sequence[Any], surfaces: Surfaces, states: Sequence[Any], para
         raise ValueError(f"rates: expected one for each of {len(states)} states, given {len(rates)}")
     if not len(sides) + poles <= len(values):
         raise ValueError(f"surfaces: expected at least {len(sides)} with sides and {poles} poles, given {len(values)}")
-    for name, given in (("states", states), ("parameters", parameters), ("surfaces", values)):
-        if len(given) > LIMIT:
-            raise ValueError(f"{name}: expected at most {LIMIT}, given {len(given)}")
+    for name, given, most in (("states", states, LIMIT), ("parameters", parameters, LIMIT), ("surfaces", sides, MOST_SURFACES)):
+        if len(given) > most:
+            raise ValueError(f"{name}: expected at most {most}, given {len(given)}")
 
 
 def _by_value(graph: Graph, surfaces: Sequence[Any], sides: Sequence[Any], symbols: Mapping[Any, int]) -> list[int]:
