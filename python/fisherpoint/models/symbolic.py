@@ -127,7 +127,6 @@ class SymbolicModel(DescribedModel):
         self.updates = tuple(update.times for update in self.equations.updates)
         self.structure = Structure(followed(self.equations, self.clock))
         self.latches = len(self.structure.equations.latches)
-        surfaces, limits = self.structure.surfaces, self.structure.limits
         if check_flag(check_units, "check_units"):
             self.warn_of_units(stacklevel=3)
 
