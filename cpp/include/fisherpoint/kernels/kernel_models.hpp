@@ -15,7 +15,7 @@ template <class M>
 inline constexpr int lanes_for = native_lanes;
 // Enough for the arithmetic to outweigh the decoding of an operation, few enough for the registers to stay in the cache.
 template <>
-inline constexpr int lanes_for<TapeModel> = native_lanes < 8 ? 8 * native_lanes : 32;
+inline constexpr int lanes_for<TapeModel> = native_lanes < 8 ? 16 : 32;
 
 #if defined(FISHERPOINT_MODEL)
 // Compiled once, in cpp/src/integrator.cpp and integrator_54.cpp: they are most of what a kernel takes to compile.
