@@ -54,3 +54,12 @@ def test_states_at_zero_or_near_one_bring_no_warning(start: float) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         fp.simulate(model, fp.Experiments([[start]], np.zeros((1, 0)), [1.0]), {"V": 0.1, "K": 1.0})
+
+
+def test_many_small_states_are_named_together():
+    names = [f"x{i}" for i in range(30)]
+    model = fp.SymbolicModel([f"-k*{x}" for x in names], ["x0"], dict.fromkeys(names, "mol"), {}, {"k": "1/s"}, {"y": "mol"})
+    with pytest.warns(RuntimeWarning) as heard:
+        fp.simulate(model, fp.Experiments([[1e-4] * 30], [[]], [0.1]), [1.0])
+    assert len(heard) == 4
+    assert str(heard[-1].message).startswith("x3, x4, ") and str(heard[-1].message).endswith("expected their natural sizes too")

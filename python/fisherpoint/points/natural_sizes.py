@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 
+from ..basics.messages import listed
 from ..basics.values import Array
 from ..models import Model
 
@@ -14,6 +15,10 @@ SMALL = 0.01
 
 ROUNDING = 1e-13
 """Share of the largest state; a state below it may be zero but for rounding."""
+
+
+MOST_ALONE = 3
+"""Maximum number of states that are each warned of."""
 
 
 def warn_of_small_states(model: Model, where: str, *states: Array, stacklevel: int = 3) -> None:
@@ -25,12 +30,15 @@ def warn_of_small_states(model: Model, where: str, *states: Array, stacklevel: i
     if not unstated or not any(values.size for values in states):
         return
     largest = np.max([np.abs(values).reshape(-1, len(model.states)).max(axis=0, initial=0.0) for values in states], axis=0)
-    for i in unstated:
+    small = [i for i in unstated if ROUNDING * largest.max() < largest[i] < SMALL]
+    for i in small[:MOST_ALONE]:
         quantity = model.states[i]
-        if ROUNDING * largest.max() < largest[i] < SMALL:
-            warnings.warn(
-                f"{quantity.name}: expected its natural size, as {where} it below {largest[i]:.3g} {quantity.unit} and rtol refers"
-                f" to 1 {quantity.unit} where none is stated; in states, write ({quantity.unit!r}, {largest[i]:.1g})",
-                RuntimeWarning,
-                stacklevel=stacklevel + 1,
-            )
+        warnings.warn(
+            f"{quantity.name}: expected its natural size, as {where} it below {largest[i]:.3g} {quantity.unit} and rtol refers"
+            f" to 1 {quantity.unit} where none is stated; in states, write ({quantity.unit!r}, {largest[i]:.1g})",
+            RuntimeWarning,
+            stacklevel=stacklevel + 1,
+        )
+    if rest := small[MOST_ALONE:]:
+        names = listed([model.states[i].name for i in rest])
+        warnings.warn(f"{names}: expected their natural sizes too", RuntimeWarning, stacklevel=stacklevel + 1)
