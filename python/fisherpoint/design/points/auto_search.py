@@ -18,6 +18,7 @@ import numpy as np
 
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array
+from ...basics.work_clock import OutOfTime
 from ...information.point_information import PointInformation
 from ...points.experiments import Experiments
 from ...show.progress import Progress
@@ -58,9 +59,13 @@ class AutoSearch(PoolSearch):
         edges = min(tuning.most_edge_candidates, tuning.edge_candidates * settings.n_candidates)
         count = max(1, round(self._drawn_share * edges))
         first = self.best.information
-        random = self._pool(PointInformation.join([first, self.source.draw(max(1, count // 2))]))
+        some = first[:0]
+        with self.time.part(tuning.pool_share / 2):
+            some = self.source.draw(max(1, count // 2), partly=True)
+        random = self._pool(PointInformation.join([first, some]))
         random.valid[: len(first)] = 1
-        self._confirm(random, np.arange(min(len(random), tuning.pilot_candidates)))
+        with self.time.part(tuning.pilot_share):
+            self._confirm(random, np.arange(min(len(random), tuning.pilot_candidates)))
         least = tuning.group_budget if self.away is None else tuning.plant_budget_factor * tuning.group_budget
         times = int(np.clip(settings.max_iterations // least, 1, tuning.groups + tuning.merged_climbs))
         ends, found, easy = list[PointInformation](), random[np.arange(len(first))], False
@@ -89,14 +94,19 @@ class AutoSearch(PoolSearch):
 
     def _with_edges(self, random: Pool, count: int) -> Pool:
         """A pool of what is there and so many new candidates at the edges of the region."""
-        return random.with_more(self._pool(self.source.draw_at_edges(count)))
+        with self.time.part(self.tuning.pool_share):
+            return random.with_more(self._pool(self.source.draw_at_edges(count)))
+        return random
 
     def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         reason = super().run(progress)
         if self._enough is not None:
             self.best = self._enough
         if reason != StopReason.interrupted:
-            self._copy_what_is_near()
+            try:
+                self._copy_what_is_near()
+            except OutOfTime:
+                reason = StopReason.time_limit
         return reason
 
     def _copy_what_is_near(self) -> None:

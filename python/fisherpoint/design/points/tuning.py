@@ -122,6 +122,12 @@ class PointSearchTuning:
     """The search for points of method "auto", in the order of its stages."""
 
     # The pool.
+    pool_share: float = 0.3
+    """Largest share of the time left that drawing candidates at the edges for one group takes, where the time is limited."""
+
+    pilot_share: float = 0.05
+    """Largest share of the time left for the pilot candidates."""
+
     edge_candidates: int = 400
     """Candidates at the edges of the region for each group, in units of M; half as many random ones."""
 

@@ -14,6 +14,7 @@ from ...basics.messages import listed, stacklevel_of_user
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
+from ...basics.work_clock import Clock
 from ...engine.workers import Workers, check_workers, distributed_over
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_beside
@@ -35,7 +36,6 @@ from ..goal.scenario_average import Average
 from ..results.found_design import DRAWS, UNSEEN
 from ..results.scenario_values import scenario_values
 from ..results.settings import RunSettings
-from .run_clock import Clock
 from .run_design import RunDesign
 from .run_groups import RunGroup, best_of_groups
 from .run_references import ClassicalRuns

@@ -11,9 +11,9 @@ from statistics import NormalDist
 import numpy as np
 
 from ...basics.values import Array
+from ...basics.work_clock import Clock
 from ...points.runs import Runs
 from ..results.found_design import DRAWS
-from .run_clock import Clock
 from .run_objective import RunObjective
 from .sampled_plants import RunPlants
 from .tuning import RunSearchTuning

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array, IntArray
+from ...basics.work_clock import Clock
 from ...information.problem import DesignProblem
 from ...information.run_information import information_matrices
 from ...information.run_tangents import RunTangents, run_tangents, tangents_from
@@ -23,7 +24,6 @@ from ...points.settings import Integration
 from ...points.status import Status
 from ..goal.criteria import Criterion
 from ..goal.scenario_average import Average
-from .run_clock import Clock
 from .run_margins import RunMargins, costs_of
 from .tried_runs import TriedRuns
 from .tuning import RunSearchTuning

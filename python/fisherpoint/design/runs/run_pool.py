@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...basics.work_clock import OutOfTime
 from ...information.null_space import information_without_rounding, null_directions
 from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
 from ..goal.estimable_space import RIDGE, SINGULAR
-from .run_clock import OutOfTime
 from .run_feasibility import RunGuard
 from .run_objective import Judged, Lasted, RunObjective
 from .run_profiles import Profile, draw_runs

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
+from ...basics.work_clock import Clock, OutOfTime
 from ...information.fewer_samples import with_fewer_samples
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
@@ -36,7 +37,6 @@ from ..results.settings import RunSettings
 from .reached_runs import ReachedRuns
 from .run_approach import approach
 from .run_climb import Climb
-from .run_clock import Clock, OutOfTime
 from .run_feasibility import RunGuard
 from .run_objective import RunObjective
 from .run_pool import RunPool, determine_all
