@@ -1,7 +1,8 @@
 """How long a work may take, and how much of it is done at once: everything that a search does looks at one clock.
 
 What a candidate costs is not known before some were computed: a trajectory takes a microsecond or a second. So work is done in
-blocks whose size follows from what the last ones took. Without a limit, and where nobody follows the progress, a block is everything.
+blocks whose size follows from what the last ones took; small ones cost more for each trajectory, as lanes of packs stay idle.
+Without a limit, and where nobody follows the progress, a block is everything.
 No result depends on the size of blocks, but for what the limit leaves no time for.
 """
 
@@ -11,19 +12,22 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-BLOCK_SHARE = 0.02
+BLOCK_SHARE = 0.04
 """Largest share of the limit that a block takes, as far as the last ones show."""
 
-BLOCK_SECONDS = 0.5
+BLOCK_SECONDS = 0.8
 """Largest number of seconds that it takes."""
 
 GROWTH = 4.0
 """Largest factor from the size of one block to that of the next."""
 
+MOST_RESERVED = 0.3
+"""Largest share of the limit that is kept for what follows a search."""
+
 LANES = 32
 """Number of trajectories that are computed side by side: a block has no fewer."""
 
-BEAT = 1.0
+BEAT = 0.8
 """Seconds after which a work that says nothing reports that it goes on."""
 
 
@@ -66,6 +70,11 @@ class Clock:
         """Whether there is a limit."""
         return self._limit is not None
 
+    @property
+    def measures(self) -> bool:
+        """Whether work is done in blocks: where there is a limit, or somebody follows the progress."""
+        return self.limited or self.beat is not None
+
     def late(self) -> bool:
         """Whether the time of the present part is up."""
         if self._limit is None or self.paused:
@@ -78,11 +87,19 @@ class Clock:
 
     def check(self) -> None:
         """Report that the work goes on, where that is due, and raise `OutOfTime` where it is late."""
+        self.report()
+        self.check_in_thread()
+
+    def check_in_thread(self) -> None:
+        """Raise `OutOfTime` where it is late, and report nothing, as the user's function is not for several threads."""
+        if self.late():
+            raise OutOfTime
+
+    def report(self) -> None:
+        """Report that the work goes on, where nothing was reported for a while."""
         if self.beat is not None and self._now() - self._reported >= BEAT:
             self.reported()
             self.beat()
-        if self.late():
-            raise OutOfTime
 
     def reported(self) -> None:
         """Something was reported now."""
@@ -120,13 +137,13 @@ class Clock:
         OutOfTime
             Before a block, where it is late.
         """
-        if self._limit is None and self.beat is None:
+        if not self.measures:
             yield slice(0, count)
             return
         first, size = 0, 0
         while True:
             self.check()
-            size = self._size(kind, lanes, size)
+            size = self.size(kind, lanes, size)
             some = slice(first, min(first + size, count))
             began = self._now()
             yield some
@@ -154,17 +171,8 @@ class Clock:
         cost = self._costs.get(kind, 0.0)
         return float("inf") if self._limit is None or cost <= 0.0 else share * self._limit / cost
 
-    @staticmethod
-    def _now() -> float:
-        return time.perf_counter()
-
-    @property
-    def _end(self) -> float:
-        assert self._limit is not None
-        return self._limit - min(self.reserve, 0.5 * self._limit)
-
-    def _size(self, kind: str, lanes: int, before: int) -> int:
-        """Number of items of the next block."""
+    def size(self, kind: str, lanes: int, before: int = 0) -> int:
+        """Number of items of the next block, where that `before` had so many."""
         least = max(1, LANES // lanes)
         cost = self._costs.get(kind, 0.0) * lanes
         if cost <= 0.0:
@@ -172,3 +180,12 @@ class Clock:
         seconds = BLOCK_SECONDS if self._limit is None else min(BLOCK_SECONDS, BLOCK_SHARE * self._limit)
         most = seconds / cost
         return max(least, int(min(most, GROWTH * before) if before else most))
+
+    @staticmethod
+    def _now() -> float:
+        return time.perf_counter()
+
+    @property
+    def _end(self) -> float:
+        assert self._limit is not None
+        return self._limit - min(self.reserve, MOST_RESERVED * self._limit)

@@ -47,6 +47,9 @@ from .starts import best_of_starts
 REFERENCES_SHARE = 0.6
 """Share of the time after a search that is kept for what the design is compared with."""
 
+OTHER_SHARE = 0.6
+"""Share of that time that another search may take where D is another than R."""
+
 RANDOM_SHARE = 0.4
 """Share of the time left for what a design is compared with that random designs may take."""
 
@@ -273,9 +276,14 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
     if search.d.kind != "noise":
         other_seed = replace(settings, seed=settings.seed + 1)
         other = _search(problem, other_seed, search.threads, search.previous, search.kept, clock=search.time)
-        if other.run(None) == StopReason.interrupted:
+        with search.time.part(OTHER_SHARE):
+            ended = other.run(None)
+        if ended == StopReason.interrupted:
             raise KeyboardInterrupt
-        best_found = other.best.log_det
+        if ended != StopReason.time_limit or other.trace[-1].iteration > 1:
+            best_found = other.best.log_det
+        else:
+            search.left_out.append("another search, with D = R")
         seen.include(other.seen)
     criterion, log_det = search.at_mean, under_noise.log_det
     if not criterion.plain:

@@ -142,6 +142,8 @@ def design_runs(
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     there = there + known_beforehand(problem, goal)
     with following(progress, "start", "drawing the first runs") as report:
+        if report is not None:
+            clock.beat = lambda: report(Progress(0, settings.n_starts, None, "drawing the first runs", clock.seconds))
         group = RunGroup(
             problem,
             region,
@@ -163,7 +165,7 @@ def design_runs(
             )
         end = _judged(search, kept, stop_reason)
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
-        evaluation = evaluate_beside(problem, runs, threads, known, prior_rows(problem, goal))
+        evaluation = evaluate_beside(problem, runs, threads, known, prior_rows(problem, goal), search.clock)
         if goal.requires_all and evaluation.null_directions and stop_reason == StopReason.completed:
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     scenarios = None
@@ -227,7 +229,7 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
 
     def on_unseen(runs: Runs) -> Feasibility:
         seed = search.seed + UNSEEN
-        return feasibility_within(search.problem, _with_kept(kept, runs), DRAWS, seed, search.threads, search.clock.over)
+        return feasibility_within(search.problem, _with_kept(kept, runs), DRAWS, seed, search.threads, search.clock)
 
     z, runs, value = search.best.z, search.planned(search.best), search.best.value
     try:
@@ -238,6 +240,9 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
     classical: dict[str, ClassicalRuns] = {}
     try:
         for name, found in search.classical.items() if not search.singular else ():
+            if search.clock.over():
+                reason = StopReason.time_limit
+                break
             same = found is search.best
             own = runs if same else search.planned(found)
             of_plants = tried if same else on_unseen(own)

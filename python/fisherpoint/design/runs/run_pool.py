@@ -98,6 +98,9 @@ class RunPool:
         while len(self) < wanted and self.drawn < tuning.most_drawn_per_wanted * wanted:
             drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
             while len(drawn) and len(self) < wanted:
+                if objective.clock.limited:  # what the time cuts off is lost
+                    lanes = objective.coordinates.segments * len(objective.plants)
+                    size = min(size, max(tuning.first_batch, objective.clock.size("tangents", lanes)))
                 part, drawn = drawn[:size], drawn[size:]
                 objective.clock.paused = needed and not self._parts
                 lasted = objective.lasted(part)

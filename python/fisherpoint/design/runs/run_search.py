@@ -48,6 +48,9 @@ from .sampled_plants import RunPlants
 from .tried_runs import TriedRuns
 from .tuning import RunSearchTuning
 
+COSTLY = 10
+"""Number of runs that take more than a block of the time from which on some are tried on the plants before anything else."""
+
 
 class RunSearch:
     """The state of one search.
@@ -190,6 +193,8 @@ class RunSearch:
     def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         """Search to the end, or until it is late or interrupted; there are runs then in any case."""
         reason = StopReason.completed
+        if progress is not None:
+            self.clock.beat = lambda: progress(self._progress("searching"))
         try:
             if self.pool.interrupted:
                 raise KeyboardInterrupt
@@ -199,27 +204,36 @@ class RunSearch:
             reason = StopReason.interrupted
         except OutOfTime:
             reason = StopReason.time_limit
-        self.clock.paused = True
         if not self._found:
-            z = self.pool.chosen(self.n_runs, self._rng)
-            self._tried(z, self._chosen_samples(z))
-        self.clock.paused = False
+            with self.clock.pause():  # without runs there is nothing to return
+                z = self.pool.chosen(self.n_runs, self._rng)
+                self._tried(z, self._chosen_samples(z))
+        self.clock.beat, self.clock.reserve = None, 0.0
         return reason
 
     def _begin(self) -> None:
         """Evaluate classical runs, and set how far runs keep from limits at first."""
         objective = self.objective
+        if self.clock.costly(
+            "tangents", COSTLY * self.region.segments * len(objective.plants)
+        ):  # what follows may take all of the time
+            z = self.pool.chosen(self.n_runs, self._rng)
+            self._tried(z, self._chosen_samples(z))
         if objective.problem.model.in_core:
             self.clock.share = self.tuning.time_shares[1]
             for name, z in classical_runs(objective, self.n_runs, self.seed).items():
                 self.clock.share = 1.0
                 self.classical[name] = self._tried(z, self._chosen_samples(z))
         self.clock.share = 1.0
-        if self._easy():
+        easy = False
+        with self.clock.part(self.tuning.tightened_share):
+            easy = self._easy()
+        if easy:
             self.guard.first = 0.0
         else:
             objective.kappa = self.guard.first
-            self.pool.tighten(self._rng)
+            with self.clock.part(self.tuning.tightened_share):
+                self.pool.tighten(self._rng)
         self.clock.check()
 
     def _easy(self) -> bool:
@@ -233,8 +247,8 @@ class RunSearch:
 
         def report(one: Climb) -> None:
             if progress is not None and one.last is not None:
-                message = f"log det {one.last.value:.3f}, best {self.best.value:.3f}"
-                progress(Progress(len(self.ends), self.n_starts, self.best.value, message, self.clock.seconds))
+                self.clock.reported()
+                progress(self._progress(f"log det {one.last.value:.3f}, best {self.best.value:.3f}"))
 
         starts = [self.pool.chosen(self.n_runs, self._rng) for _ in range(self.n_starts)]
         starts += [found.z for found in self.classical.values()]
@@ -259,6 +273,10 @@ class RunSearch:
                 break  # otherwise another one may come to runs that enough plants can run
         max(self._climbs, key=lambda one: (-np.inf,) if one.best is None else one.best.worth).go_on()
         self._approach()
+
+    def _progress(self, message: str) -> Progress:
+        value = self.best.value if self._found else None
+        return Progress(len(self.ends), self.n_starts, value, message, self.clock.seconds)
 
     def _approach(self) -> None:
         """Go from the best runs that enough plants can run towards better ones, where limits matter."""

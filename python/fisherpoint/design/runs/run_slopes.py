@@ -21,6 +21,9 @@ from .linear_rows import LinearRows
 from .run_objective import RunObjective
 from .tried_runs import TriedRuns
 
+LEAST_SLOPES = 8
+"""Number of numbers whose slopes are taken in any case."""
+
 
 class _RunParts(NamedTuple):
     """Parts of K runs on R plants: rows (R, K, m, p), distances (R, K, c), and which runs reach their ends on all plants."""
@@ -142,6 +145,8 @@ def _variables(objective: RunObjective, count: int, size: int, rng: np.random.Ge
     variable[:, common] = np.arange(len(common))
     variable[:, own] = len(common) + np.arange(count * len(own)).reshape(count, -1)
     n, most = len(common) + count * len(own), max(1, objective.tuning.most_slopes // max(1, size))
+    each = objective.coordinates.segments * len(objective.plants)
+    most = int(min(most, max(LEAST_SLOPES, objective.clock.affordable("tangents", objective.tuning.slopes_share) / each)))
     if n > most:
         kept = np.zeros(n, dtype=bool)
         kept[rng.permutation(n)[:most]] = True

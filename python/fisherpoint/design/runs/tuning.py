@@ -81,6 +81,9 @@ class RunSearchTuning:
     most_tightened: int = 128
     """Maximum number of the pool's best runs that are brought further inside."""
 
+    tightened_share: float = 0.2
+    """Largest share of the time left for that, and for a look at whether limits matter, where the time is limited."""
+
     # Runs that leave a limit, brought back within it.
     halvings_within: int = 9
     """Number of halvings of the share of a run that is kept."""
@@ -144,6 +147,9 @@ class RunSearchTuning:
 
     many_samples: float = 2.0
     """Number of rows over what they and their slopes can span, from which on they are replaced by as many as that."""
+
+    slopes_share: float = 0.1
+    """Largest share of a limit of time that the slopes of one iteration take; some of the numbers stay where all would take more."""
 
     trajectory_rtol: float = 1e-6
     """Largest relative tolerance of the trajectories that differences are taken of."""
@@ -264,6 +270,9 @@ class RunSearchTuning:
 
     reserved_time: float = 8.0
     """Factor on the measured time of the plants that judge a design in the end: classical runs are judged too."""
+
+    guard_share: float = 0.03
+    """Largest share of a limit of time that one look at the plants takes."""
 
     runs_looked_at: int = 5
     """Number of the pool's best runs that are tried on the plants, to see whether limits matter."""
