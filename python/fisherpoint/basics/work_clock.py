@@ -75,24 +75,24 @@ class Clock:
         """Whether work is done in blocks: where there is a limit, or somebody follows the progress."""
         return self.limited or self.beat is not None
 
-    def late(self) -> bool:
-        """Whether the time of the present part is up."""
+    def late(self, ahead: float = 0.0) -> bool:
+        """Whether the time of the present part is up, or will be after some more seconds."""
         if self._limit is None or self.paused:
             return False
-        return self.seconds >= min(self.share * self._end, self._until)
+        return self.seconds + ahead >= min(self.share * self._end, self._until)
 
     def over(self) -> bool:
         """Whether the time of everything is up."""
         return self._limit is not None and self.seconds >= self._limit
 
-    def check(self) -> None:
-        """Report that the work goes on, where that is due, and raise `OutOfTime` where it is late."""
+    def check(self, ahead: float = 0.0) -> None:
+        """Report that the work goes on, where that is due, and raise `OutOfTime` where it is late, or will be."""
         self.report()
-        self.check_in_thread()
+        self.check_in_thread(ahead)
 
-    def check_in_thread(self) -> None:
-        """Raise `OutOfTime` where it is late, and report nothing, as the user's function is not for several threads."""
-        if self.late():
+    def check_in_thread(self, ahead: float = 0.0) -> None:
+        """Raise `OutOfTime` where it is late, or will be, and report nothing: the user's function is not for several threads."""
+        if self.late(ahead):
             raise OutOfTime
 
     def report(self) -> None:
@@ -142,8 +142,8 @@ class Clock:
             return
         first, size = 0, 0
         while True:
-            self.check()
             size = self.size(kind, lanes, size)
+            self.check(self.cost(kind, min(size, count - first) * lanes))
             some = slice(first, min(first + size, count))
             began = self._now()
             yield some
@@ -155,12 +155,12 @@ class Clock:
     def measured(self, kind: str, lanes: int, seconds: float) -> None:
         """Remember what so many trajectories took."""
         if lanes:
-            cost = seconds / max(lanes, LANES)
+            cost = seconds / max(lanes, LANES // 2)
             self._costs[kind] = 0.5 * (self._costs.get(kind, cost) + cost)
 
     def cost(self, kind: str, lanes: int) -> float:
         """Seconds that so many trajectories of a kind will take, by what the last ones took; 0 where there were none."""
-        return lanes * self._costs.get(kind, 0.0)
+        return max(lanes, LANES // 2) * self._costs.get(kind, 0.0)
 
     def costly(self, kind: str, lanes: int) -> bool:
         """Whether they would take more of the limit than a block may."""
@@ -171,9 +171,9 @@ class Clock:
         cost = self._costs.get(kind, 0.0)
         return float("inf") if self._limit is None or cost <= 0.0 else share * self._limit / cost
 
-    def size(self, kind: str, lanes: int, before: int = 0) -> int:
-        """Number of items of the next block, where that `before` had so many."""
-        least = max(1, LANES // lanes)
+    def size(self, kind: str, lanes: int, before: int = 0, least: int = LANES) -> int:
+        """Number of items of the next block, where that `before` had so many; with the `least` number of trajectories."""
+        least = max(1, least // lanes)
         cost = self._costs.get(kind, 0.0) * lanes
         if cost <= 0.0:
             return least

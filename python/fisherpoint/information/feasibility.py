@@ -222,17 +222,17 @@ def feasibility_within(
     of_starts = np.random.default_rng([seed, 1])
     tally = _Tally(problem, runs, settings)
     clock, done = Clock() if clock is None else clock, 0
-    few = FEW if clock.limited and not clock.costly("plants", FEW * runs.dt.size) else 1
+    few = FEW if clock.limited and not clock.costly("plants", FEW * len(runs)) else 1
     each = max(1, min(MOST_SEGMENTS // runs.dt.size, count))
     while done < count:
-        if done >= few and clock.over():
+        if done >= few and clock.late(clock.cost("plants", len(runs))):
             count = done
             break
         clock.report()
-        size = min(each, max(few - done, clock.size("plants", runs.dt.size)), count - done) if clock.measures else each
+        size = min(each, max(few - done, clock.size("plants", len(runs))), count - done) if clock.measures else each
         began = clock.seconds
         tally.add(plants[done : done + size], of_starts)
-        clock.measured("plants", size * runs.dt.size, clock.seconds - began)
+        clock.measured("plants", size * len(runs), clock.seconds - began)
         done += size
     count = min(done, count)
     return Feasibility(

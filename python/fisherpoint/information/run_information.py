@@ -87,7 +87,8 @@ def samples_at(
     settings = Integration(float(problem.rtol), threads=resolve_threads(threads))
     rows_of = _plain_rows if plain else run_rows
     count, each = len(runs), max(1, MOST_SEGMENTS // runs.dt.size)
-    blocks = (Clock() if clock is None else clock).blocks("sensitivities", len(theta), runs.dt.size)
+    kind = "tangents" if runs.points is None else "sensitivities"
+    blocks = (Clock() if clock is None else clock).blocks(kind, len(theta), len(runs))
     for some in (theta[block][first : first + each] for block in blocks for first in range(0, len(theta[block]), each)):
         many = runs[np.tile(np.arange(count), len(some))]
         of_many = None if informative is None else np.tile(informative, (len(some), 1, 1))

@@ -44,7 +44,7 @@ RESERVED, RESERVED_FOR_REFERENCES = 0.1, 0.15
 MOST_REFERENCES = 2000
 """Number of points of random designs that time is kept for."""
 
-LEAST_RESERVE = 0.5
+LEAST_RESERVE = 3.0
 """Seconds that are kept, beside what trajectories cost, where the shares allow it."""
 
 SPACE_SHARE = 0.02

@@ -41,6 +41,9 @@ from .run_groups import RunGroup, best_of_groups
 from .run_references import ClassicalRuns
 from .run_search import RunSearch
 
+RESERVED = 0.1
+"""Least share of a limit of time that is kept for what follows the search."""
+
 
 @with_options
 def design_runs(
@@ -124,6 +127,7 @@ def design_runs(
     goal = settings.goal
     check_progress(progress)
     clock = Clock(settings.time_limit)
+    clock.reserve = RESERVED * (settings.time_limit or 0.0)
     check_workers(workers)
     given_threads, threads = check_threads(threads), resolve_threads(threads)
     problems, average = ((problem,), Average.of_all(1)) if goal.over is None else moved_problems(problem, goal.over)
@@ -165,6 +169,7 @@ def design_runs(
             )
         end = _judged(search, kept, stop_reason)
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
+        search.clock.reserve = 0.0
         evaluation = evaluate_beside(problem, runs, threads, known, prior_rows(problem, goal), search.clock)
         if goal.requires_all and evaluation.null_directions and stop_reason == StopReason.completed:
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
@@ -240,7 +245,7 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
     classical: dict[str, ClassicalRuns] = {}
     try:
         for name, found in search.classical.items() if not search.singular else ():
-            if search.clock.over():
+            if search.clock.late():
                 reason = StopReason.time_limit
                 break
             same = found is search.best

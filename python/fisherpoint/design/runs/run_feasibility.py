@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
-from ...basics.work_clock import Clock, OutOfTime
+from ...basics.work_clock import LANES, Clock, OutOfTime
 from ...points.runs import Runs
 from ..results.found_design import DRAWS
 from .run_objective import RunObjective
@@ -68,7 +68,7 @@ class RunGuard:
             able, tried = able + int(one.sum()), tried + len(one)
             lost = 1 - able / tried
             hopeless = any(tried >= count and lost > times * max(self.most, 1 / count) for count, times in tuning.hopeless)
-            few = self.clock.affordable("plants", tuning.guard_share) / runs.dt.size
+            few = self.clock.affordable("plants", tuning.guard_share) / len(runs)
             if hopeless or tried >= few or self.clock.late() or self.clock.over():
                 break
         self.clock.reserve = max(self.clock.reserve, tuning.reserved_time * DRAWS * (self.clock.seconds - began) / tried)
@@ -79,10 +79,10 @@ class RunGuard:
         found = list[NDArray[np.bool_]]()
         count = len(range(len(self._plants))[some])
         try:
-            for block in self.clock.blocks("plants", count, runs.dt.size):
+            for block in self.clock.blocks("plants", count, len(runs)):
                 own = slice(some.start + block.start, some.start + block.stop)
                 found.append(self._plants.can_run(runs, own) & self._able[own])
-                if some.start + block.stop >= self.clock.affordable("plants", self._tuning.guard_share) / runs.dt.size:
+                if some.start + block.stop >= self.clock.affordable("plants", self._tuning.guard_share) / len(runs):
                     break
         except OutOfTime:
             if not found:
@@ -91,9 +91,11 @@ class RunGuard:
 
     def each(self, runs: Runs) -> Array:
         """The share of some plants that can run each of some runs by itself, (K,)."""
-        count, found = min(self._tuning.plants_at_once, len(self._plants)), list[NDArray[np.bool_]]()
+        most = self.clock.affordable("plants", self._tuning.guard_share) / max(1, len(runs))
+        count = int(min(self._tuning.plants_at_once, len(self._plants), max(LANES, most)))
+        found = list[NDArray[np.bool_]]()
         try:
-            for some in self.clock.blocks("plants", count, runs.dt.size):
+            for some in self.clock.blocks("plants", count, len(runs)):
                 found.append(self._plants.outputs(runs, some)[1])
         except OutOfTime:
             if not found:

@@ -208,17 +208,18 @@ class RunSearch:
             with self.clock.pause():  # without runs there is nothing to return
                 z = self.pool.chosen(self.n_runs, self._rng)
                 self._tried(z, self._chosen_samples(z))
-        self.clock.beat, self.clock.reserve = None, 0.0
+        self.clock.beat, self.clock.share = None, 1.0
+        self.clock.reserve = self.clock.cost("tangents", self.n_runs)  # of the evaluation
         return reason
 
     def _begin(self) -> None:
         """Evaluate classical runs, and set how far runs keep from limits at first."""
         objective = self.objective
-        if self.clock.costly(
-            "tangents", COSTLY * self.region.segments * len(objective.plants)
-        ):  # what follows may take all of the time
-            z = self.pool.chosen(self.n_runs, self._rng)
-            self._tried(z, self._chosen_samples(z))
+        if self.clock.costly("tangents", COSTLY * len(objective.plants)):  # what follows may take all of the time
+            with self.clock.pause():
+                z = self.pool.chosen(self.n_runs, self._rng)
+                self._tried(z, self._chosen_samples(z))
+            self.clock.reserve = max(self.clock.reserve, 2 * self.clock.cost("tangents", self.n_runs))
         if objective.problem.model.in_core:
             self.clock.share = self.tuning.time_shares[1]
             for name, z in classical_runs(objective, self.n_runs, self.seed).items():

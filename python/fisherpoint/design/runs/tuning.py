@@ -149,7 +149,7 @@ class RunSearchTuning:
     """Number of rows over what they and their slopes can span, from which on they are replaced by as many as that."""
 
     slopes_share: float = 0.1
-    """Largest share of a limit of time that the slopes of one iteration take; some of the numbers stay where all would take more."""
+    """Largest share of a limit of time that the slopes of one iteration take; where all take more, some numbers stay."""
 
     trajectory_rtol: float = 1e-6
     """Largest relative tolerance of the trajectories that differences are taken of."""
