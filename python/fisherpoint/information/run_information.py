@@ -88,7 +88,9 @@ def samples_at(
     rows_of = _plain_rows if plain else run_rows
     count, each = len(runs), max(1, MOST_SEGMENTS // runs.dt.size)
     kind = "tangents" if runs.points is None else "sensitivities"
-    blocks = (Clock() if clock is None else clock).blocks(kind, len(theta), len(runs))
+    clock = Clock() if clock is None else clock
+    clock.check(clock.cost(kind, len(theta) * len(runs)))  # a part of them is of no use
+    blocks = clock.blocks(kind, len(theta), len(runs))
     for some in (theta[block][first : first + each] for block in blocks for first in range(0, len(theta[block]), each)):
         many = runs[np.tile(np.arange(count), len(some))]
         of_many = None if informative is None else np.tile(informative, (len(some), 1, 1))

@@ -18,7 +18,7 @@ from .pilot_nodes import SHORT, PilotNodes, fatal, lasting
 from .point_information import PointInformation, statuses_over_nodes, with_covariance
 from .problem import DesignProblem
 
-RULE_SHARE = 0.5
+RULE_SHARE = 0.25
 """Share of a limit of time that all points that are tried may take on the nodes of the rule."""
 
 PLANTS_SEED = 4_000_037

@@ -50,7 +50,7 @@ REFERENCES_SHARE = 0.6
 OTHER_SHARE = 0.6
 """Share of that time that another search may take where D is another than R."""
 
-RANDOM_SHARE = 0.4
+RANDOM_SHARE = 0.6
 """Share of the time left for what a design is compared with that random designs may take."""
 
 

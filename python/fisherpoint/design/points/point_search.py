@@ -45,7 +45,10 @@ MOST_REFERENCES = 2000
 """Number of points of random designs that time is kept for."""
 
 LEAST_RESERVE = 3.0
-"""Seconds that are kept, beside what trajectories cost, where the shares allow it."""
+"""Seconds that are kept for bounds, beside what trajectories cost, where the shares allow it."""
+
+LEAST_SHARE = 0.03
+"""Share of a limit that is kept in any case."""
 
 SPACE_SHARE = 0.02
 """Share of a limit for the random points that show whether another design would determine more parameters."""
@@ -172,11 +175,13 @@ class PointSearch:
 
     def _reserve(self) -> float:
         """Seconds for what follows the search: its evaluation away from the prior mean, and what the design is compared with."""
-        share = RESERVED + RESERVED_FOR_REFERENCES * self.settings.method.references
-        moved = 4 * self.problem.n_unknowns * self.settings.n_experiments
-        most = self.time.cost("sensitivities", 2 * (moved + MOST_REFERENCES * self.settings.method.references))
         limit = self.settings.method.time_limit or 0.0
-        return min(share * limit, most + LEAST_RESERVE)
+        moved = self.time.cost("sensitivities", 4 * self.problem.n_unknowns * self.settings.n_experiments)
+        most = RESERVED * limit
+        seconds = moved if moved < most else 0.0  # else it is left out
+        if self.settings.method.references:
+            seconds += min(RESERVED_FOR_REFERENCES * limit, self.time.cost("sensitivities", MOST_REFERENCES) + LEAST_RESERVE)
+        return seconds + LEAST_SHARE * limit
 
     @property
     def _space_candidates(self) -> int:

@@ -99,9 +99,8 @@ class RunPool:
             drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
             while len(drawn) and len(self) < wanted:
                 if objective.clock.limited:  # what the time cuts off is lost
-                    size = min(
-                        size, max(tuning.first_batch, objective.clock.size("tangents", len(objective.plants), least=FEWEST_RUNS))
-                    )
+                    affordable = objective.clock.size("tangents", len(objective.plants), least=FEWEST_RUNS)
+                    size = min(size, max(tuning.first_batch, affordable))
                 part, drawn = drawn[:size], drawn[size:]
                 objective.clock.paused = needed and not self._parts
                 lasted = objective.lasted(part)

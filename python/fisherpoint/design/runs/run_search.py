@@ -117,6 +117,7 @@ class RunSearch:
         self._other_ends: list[ReachedRuns] = []
         self.classical: dict[str, ReachedRuns] = {}
         self._found: list[ReachedRuns] = []
+        self._costly = False
         most = tuning.most_pool_segments // (region.segments * len(plants))
         wanted = max(4 * n_runs, 20, min(settings.n_candidates, most))
         clock.share = tuning.time_shares[0]
@@ -215,10 +216,12 @@ class RunSearch:
     def _begin(self) -> None:
         """Evaluate classical runs, and set how far runs keep from limits at first."""
         objective = self.objective
-        if self.clock.costly("tangents", COSTLY * len(objective.plants)):  # what follows may take all of the time
+        easy: bool | None = None
+        self._costly = self.clock.costly("tangents", COSTLY * len(objective.plants))
+        if self._costly:  # what follows may take all of the time
             with self.clock.pause():
                 z = self.pool.chosen(self.n_runs, self._rng)
-                self._tried(z, self._chosen_samples(z))
+                easy = self._tried(z, self._chosen_samples(z)).feasible
             self.clock.reserve = max(self.clock.reserve, 2 * self.clock.cost("tangents", self.n_runs))
         if objective.problem.model.in_core:
             self.clock.share = self.tuning.time_shares[1]
@@ -226,9 +229,9 @@ class RunSearch:
                 self.clock.share = 1.0
                 self.classical[name] = self._tried(z, self._chosen_samples(z))
         self.clock.share = 1.0
-        easy = False
-        with self.clock.part(self.tuning.tightened_share):
-            easy = self._easy()
+        if easy is None:
+            with self.clock.part(self.tuning.tightened_share):
+                easy = self._easy()
         if easy:
             self.guard.first = 0.0
         else:
@@ -257,7 +260,7 @@ class RunSearch:
         order = np.argsort(-worth, kind="stable")[: self.n_starts]
         ways = self._tried, self._chosen_samples, self._others, self._rng
         self._climbs = [Climb(self.objective, self.guard, starts[k], *ways) for k in order]
-        if (able := self._able_start()) is not None:
+        if not self._costly and (able := self._able_start()) is not None:
             self._climbs[-1] = Climb(self.objective, self.guard, able, *ways, kappa=self._kappa_of(able))
         self.clock.share = self.tuning.time_shares[2]
         try:
