@@ -70,6 +70,7 @@ class AutoSearch(PoolSearch):
         times = int(np.clip(settings.max_iterations // least, 1, tuning.groups + tuning.merged_climbs))
         ends, found, easy = list[PointInformation](), random[np.arange(len(first))], False
         while not easy and len(ends) < min(times, tuning.groups):
+            begun = self.time.seconds
             pool = self._with_edges(random, count)
             self._restrict_to_estimable(pool)
             design, peaks = yield from self._group(pool, at_random=len(ends) % 2 == 1)
@@ -77,6 +78,8 @@ class AutoSearch(PoolSearch):
             found = found.with_more(peaks).with_more(self._pool(design, 1))
             values = np.array([self._value(end) for end in ends])
             easy = int((values > values.max() - tuning.agreement_per_parameter * self._level).sum()) >= tuning.agreeing_groups
+            if self.time.late(tuning.group_times_left * (self.time.seconds - begun)):
+                times = len(ends)  # what is left is better spent on the best design
         design = max(ends, key=self._value)
         for _ in range(0 if easy else times - len(ends)):
             design = yield from self._followed(design, found, tuning.merged_rounds)
@@ -180,6 +183,11 @@ class AutoSearch(PoolSearch):
         table = self._numbers(pool.information)[live]
         tuning = self.tuning
         most = max(1, round(self._drawn_share * tuning.climbing_candidates * self.settings.n_candidates))
+        each = tuning.climb.rounds * tuning.climb.near_per_point * len(self.over.problems)
+        affordable = self.time.affordable("sensitivities", tuning.climb_share) / each
+        if affordable < tuning.climb_least_share * most:
+            return pool[np.arange(0)]  # rounds gain more in that time
+        most = int(min(most, affordable))
         gains, apart = self._gains(design, pool.columns.take(live, axis=3)), tuning.climb.least_distance
         peaks = pool[live[far_apart(table, self._upper - self._lower, gains, most, apart)]]
         self._confirm(peaks, np.arange(len(peaks)))

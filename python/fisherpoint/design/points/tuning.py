@@ -122,7 +122,7 @@ class PointSearchTuning:
     """The search for points of method "auto", in the order of its stages."""
 
     # The pool.
-    pool_share: float = 0.3
+    pool_share: float = 0.2
     """Largest share of the time left that drawing candidates at the edges for one group takes, where the time is limited."""
 
     pilot_share: float = 0.05
@@ -179,6 +179,9 @@ class PointSearchTuning:
     groups: int = 4
     """Number of groups: what one has missed another one has, and merging takes it over."""
 
+    group_times_left: float = 2.0
+    """Multiple of what the last group took that has to be left for another one, where the time is limited."""
+
     first_rounds: int = 4
     """Number of rounds of a group before candidates climb."""
 
@@ -186,6 +189,12 @@ class PointSearchTuning:
     """Candidates that climb in each group, in units of M."""
 
     climb: ClimbTuning = field(default_factory=lambda: ClimbTuning(rounds=18, shortened_per_point=6))
+
+    climb_share: float = 0.1
+    """Largest share of a limit of time that one climb takes, of as many candidates as that allows."""
+
+    climb_least_share: float = 0.25
+    """Share of the candidates that are wanted below which none climb."""
 
     climbing_survivors: float = 0.5
     """Share of the climbing candidates, the best, that goes on after half of the rounds."""
@@ -219,6 +228,9 @@ class PointSearchTuning:
 
     ascent_iterations: int = 20
     """Maximum number of iterations of an ascent of all numbers together."""
+
+    ascent_share: float = 0.03
+    """Largest share of a limit of time that one iteration of an ascent takes; with more there is no ascent."""
 
     ascent_difference_step: float = 1e-4
     """Step of a number for difference quotients, as a share of the region's width."""
