@@ -137,7 +137,7 @@ def test_everything_looks_at_the_time(monkeypatch: pytest.MonkeyPatch, each: flo
     design = fp.design_runs(cart(0.5, segments=8), n_candidates=200, time_limit=20.0, n_starts=50)
     assert design.stop_reason == "time_limit" and len(design.runs) == 1
     if each < 1:
-        assert seconds.now < 22.0
+        assert seconds.now < 22.0 + 5 * each  # some looks follow the limit
         assert design.feasibility.draws >= 50
     assert design.feasibility.draws > 0
 

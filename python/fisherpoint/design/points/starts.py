@@ -31,6 +31,8 @@ class _WholeSearch:
         clock, report = Clock(self.settings.method.time_limit), self.report
         if report is not None:
             clock.beat = lambda: report(Progress(0, self.settings.max_iterations, None, "drawing the first points", clock.seconds))
+            if clock.limited:
+                clock.beat()  # the first points may take seconds
         search = self.make(replace(self.settings, seed=seed), self.threads, clock=clock)
         ended = search.run(self.report)
         clock.beat = None

@@ -148,6 +148,8 @@ def design_runs(
     with following(progress, "start", "drawing the first runs") as report:
         if report is not None:
             clock.beat = lambda: report(Progress(0, settings.n_starts, None, "drawing the first runs", clock.seconds))
+            if clock.limited:
+                clock.beat()  # the first runs may take seconds
         group = RunGroup(
             problem,
             region,

@@ -284,6 +284,8 @@ class RunSearch:
 
     def _approach(self) -> None:
         """Go from the best runs that enough plants can run towards better ones, where limits matter."""
+        if not self._found:
+            return
         best = self.best
         if self.guard.first == 0 or self.region.samples is not None or not best.feasible:
             return
