@@ -154,7 +154,7 @@ class CandidateSource:
         lanes = 1 + len(self._elsewhere)
         try:
             for some in self._clock.blocks("sensitivities", len(points), lanes):
-                found = surviving(self._problem, self._region, _of_slice(points, some), self._threads, self._elsewhere)
+                found = surviving(self._problem, self._region, points[some], self._threads, self._elsewhere)
                 information, kept, rejected = found
                 self.drawn += some.stop - some.start  # with the reasons, so that the counts add up after an interrupt too
                 self.rejected.update(+rejected)
@@ -321,10 +321,6 @@ def surviving(
         rejected.update(lost)
         information, tried, found = information[kept], tried[kept], [*(one[kept] for one in found), there]
     return replace(information, elsewhere=tuple(found)) if found else information, tried, rejected
-
-
-def _of_slice(points: Experiments, some: slice) -> Experiments:
-    return points if some == slice(0, len(points)) else points[some]
 
 
 def _of(points: Points, rows: NDArray[np.intp]) -> Points:

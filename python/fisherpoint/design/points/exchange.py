@@ -44,15 +44,6 @@ from .exchange_search import ExchangeSearch
 from .point_search import PointSearch
 from .starts import best_of_starts
 
-REFERENCES_SHARE = 0.6
-"""Share of the time after a search that is kept for what the design is compared with."""
-
-OTHER_SHARE = 0.6
-"""Share of that time that another search may take where D is another than R."""
-
-RANDOM_SHARE = 0.6
-"""Share of the time left for what a design is compared with that random designs may take."""
-
 
 @with_options
 def exchange(
@@ -179,7 +170,7 @@ def _designs(
         if not interrupted:
             check_determined(search)
         efficiency = None
-        search.time.reserve *= search.settings.method.references * REFERENCES_SHARE
+        search.time.reserve *= search.settings.method.references * search.tuning.limit.kept_for_references
         under_noise = search.under_noise()
         search.time.reserve = 0.0
         evaluation = search.evaluation(under_noise)
@@ -276,7 +267,7 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
     if search.d.kind != "noise":
         other_seed = replace(settings, seed=settings.seed + 1)
         other = _search(problem, other_seed, search.threads, search.previous, search.kept, clock=search.time)
-        with search.time.part(OTHER_SHARE):
+        with search.time.part(search.tuning.limit.other_share):
             ended = other.run(None)
         if ended == StopReason.interrupted:
             raise KeyboardInterrupt
@@ -291,7 +282,7 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
     too_few = search.space is not None and evaluation.rank < determined(search.problem, search.space)
     total = search.count + (0 if search.previous is None else len(search.previous))
     random, bound = np.empty(0), None
-    with search.time.part(RANDOM_SHARE):
+    with search.time.part(search.tuning.limit.random_share):
         start = search.count, settings.seed, search.threads, search.previous, search.time
         random = random_designs(problem, *start, lambda fisher: criterion.objective(fisher + 2 / total * search.of_prior))
     if search.time.limited and len(random) < LEAST_RANDOM_DESIGNS:

@@ -35,24 +35,6 @@ from .candidate_archive import CandidateArchive
 from .point_margins import Away
 from .tuning import PointSearchTuning
 
-TRIED_PER_POINT = 20
-"""Number of candidates that are tried on all nodes for each point of a design, about, where the time is limited."""
-
-RESERVED, RESERVED_FOR_REFERENCES = 0.1, 0.15
-"""Largest shares of a limit that are kept for the evaluation of the design, and for what it is compared with."""
-
-MOST_REFERENCES = 2000
-"""Number of points of random designs that time is kept for."""
-
-LEAST_RESERVE = 3.0
-"""Seconds that are kept for bounds, beside what trajectories cost, where the shares allow it."""
-
-LEAST_SHARE = 0.03
-"""Share of a limit that is kept in any case."""
-
-SPACE_SHARE = 0.02
-"""Share of a limit for the random points that show whether another design would determine more parameters."""
-
 
 class Incumbent(NamedTuple):
     """The best design so far; replaced as a whole, so that an interrupt cannot tear it."""
@@ -88,9 +70,15 @@ class PointSearch:
         self.spaces: tuple[Estimable, ...] | None = None  # what the pools of a search determine in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
         self.of_prior = known_beforehand(self.problem, self.settings.goal)
-        archive = self.tuning.archive
+        archive, tried = self.tuning.archive, self.tuning.limit.tried_per_point * self.count
         self.seen = CandidateArchive(
-            self.problem, self.threads, self.criteria, self.of_prior, archive, self.time, TRIED_PER_POINT * self.count
+            self.problem,
+            self.threads,
+            self.criteria,
+            self.of_prior,
+            archive,
+            self.time,
+            tried,
         )
         self.away: Away | None = None
         if self.settings.goal.share_of_plants is not None:
@@ -175,17 +163,19 @@ class PointSearch:
 
     def _reserve(self) -> float:
         """Seconds for what follows the search: its evaluation away from the prior mean, and what the design is compared with."""
-        limit = self.settings.method.time_limit or 0.0
+        limit, tuning = self.settings.method.time_limit or 0.0, self.tuning.limit
         moved = self.time.cost("sensitivities", 4 * self.problem.n_unknowns * self.settings.n_experiments)
-        most = RESERVED * limit
+        most = tuning.evaluation_share * limit
         seconds = moved if moved < most else 0.0  # else it is left out
         if self.settings.method.references:
-            seconds += min(RESERVED_FOR_REFERENCES * limit, self.time.cost("sensitivities", MOST_REFERENCES) + LEAST_RESERVE)
-        return seconds + LEAST_SHARE * limit
+            seconds += min(
+                tuning.references_share * limit, self.time.cost("sensitivities", tuning.references) + tuning.bound_seconds
+            )
+        return seconds + tuning.least_share * limit
 
     @property
     def _space_candidates(self) -> int:
-        most = self.time.affordable("sensitivities", SPACE_SHARE)
+        most = self.time.affordable("sensitivities", self.tuning.limit.space_share)
         return int(min(self.tuning.space_candidates, max(LANES, most)))
 
     def _message(self, iteration: int, seconds: float) -> str:

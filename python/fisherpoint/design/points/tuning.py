@@ -118,6 +118,44 @@ class PaperSearchTuning:
 
 
 @dataclass(frozen=True)
+class TimeTuning:
+    """What a search for points does with a limit of time; shares are of the limit, unless they are of the time left."""
+
+    tried_per_point: int = 20
+    """Number of candidates that are tried on all nodes for each point of a design, about."""
+
+    evaluation_share: float = 0.1
+    """Largest share that is kept for the evaluation of the design away from the prior mean."""
+
+    references_share: float = 0.15
+    """Largest share that is kept for what the design is compared with."""
+
+    references: int = 2000
+    """Number of points of random designs that time is kept for."""
+
+    bound_seconds: float = 3.0
+    """Seconds that are kept for bounds, where the shares allow it."""
+
+    least_share: float = 0.03
+    """Share that is kept in any case."""
+
+    kept_for_references: float = 0.6
+    """Share of what is kept that the evaluation leaves for what the design is compared with."""
+
+    other_share: float = 0.6
+    """Share of the time left then that another search may take where D is another than R."""
+
+    random_share: float = 0.6
+    """Share of the time left then that random designs may take."""
+
+    space_share: float = 0.02
+    """Share for the random points that show whether another design would determine more parameters."""
+
+    bounds_of_sweep: float = 0.1
+    """Share that a sweep keeps for its bounds."""
+
+
+@dataclass(frozen=True)
 class PointSearchTuning:
     """The search for points of method "auto", in the order of its stages."""
 
@@ -257,6 +295,8 @@ class PointSearchTuning:
     """Number of distinct points above which no copies are made; pairs of more take long."""
 
     archive: ArchiveTuning = field(default_factory=ArchiveTuning)
+
+    limit: TimeTuning = field(default_factory=TimeTuning)
 
     space_candidates: int = 200
     """Number of random points used to check whether another design would determine more parameters."""

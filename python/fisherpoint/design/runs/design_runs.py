@@ -40,9 +40,7 @@ from .run_design import RunDesign
 from .run_groups import RunGroup, best_of_groups
 from .run_references import ClassicalRuns
 from .run_search import RunSearch
-
-RESERVED = 0.1
-"""Least share of a limit of time that is kept for what follows the search."""
+from .tuning import RunSearchTuning
 
 
 @with_options
@@ -90,8 +88,8 @@ def design_runs(
         The same seed gives the same design to the last bit, on any machine and with any number of threads and workers, unless a
         time limit ends the search.
     time_limit : float, optional
-        Seconds after which the search returns what it has, a safety net; of workers, each
-        search. The work is set by `n_starts` and `n_candidates`.
+        Seconds in which the search returns what it has by then, a tenth more at most (docs/how_to/time_limits.md); of workers, each
+        search. Without it the work is set by `n_starts` and `n_candidates`.
     threads : int, optional
         Default: every core.
     workers : int, Executor or Dask client, optional
@@ -127,7 +125,7 @@ def design_runs(
     goal = settings.goal
     check_progress(progress)
     clock = Clock(settings.time_limit)
-    clock.reserve = RESERVED * (settings.time_limit or 0.0)
+    clock.reserve = RunSearchTuning().reserved_share * (settings.time_limit or 0.0)
     check_workers(workers)
     given_threads, threads = check_threads(threads), resolve_threads(threads)
     problems, average = ((problem,), Average.of_all(1)) if goal.over is None else moved_problems(problem, goal.over)

@@ -28,9 +28,6 @@ from .run_margins import RunMargins, costs_of
 from .tried_runs import TriedRuns
 from .tuning import RunSearchTuning
 
-FEWEST_RUNS = 16
-"""Number of runs that are computed at once, however long they take: fewer take as long."""
-
 T = TypeVar("T")
 
 
@@ -218,7 +215,7 @@ class RunObjective:
             parts_of_run = self.coordinates.parts(self.looks if self.costly else 1) * len(self.plants)
             each = min(each, max(1, self.tuning.most_parts_at_once // parts_of_run))
         lanes = len(self.plants)
-        each = min(each, clock.size(kind, lanes, least=FEWEST_RUNS)) if clock.measures else each
+        each = min(each, clock.size(kind, lanes, least=self.tuning.least_runs_at_once)) if clock.measures else each
         ahead = clock.cost(kind, each * lanes)
         parts = [slice(first, min(first + each, count)) for first in range(0, count, each)]
 

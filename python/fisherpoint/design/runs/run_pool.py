@@ -15,7 +15,7 @@ from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
 from ..goal.estimable_space import RIDGE, SINGULAR
 from .run_feasibility import RunGuard
-from .run_objective import FEWEST_RUNS, Judged, Lasted, RunObjective
+from .run_objective import Judged, Lasted, RunObjective
 from .run_profiles import Profile, draw_runs
 from .run_repair import brought_within, first_within
 
@@ -99,7 +99,7 @@ class RunPool:
             drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
             while len(drawn) and len(self) < wanted:
                 if objective.clock.limited:  # what the time cuts off is lost
-                    affordable = objective.clock.size("tangents", len(objective.plants), least=FEWEST_RUNS)
+                    affordable = objective.clock.size("tangents", len(objective.plants), least=tuning.least_runs_at_once)
                     size = min(size, max(tuning.first_batch, affordable))
                 part, drawn = drawn[:size], drawn[size:]
                 objective.clock.paused = needed and not self._parts

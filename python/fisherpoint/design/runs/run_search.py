@@ -48,9 +48,6 @@ from .sampled_plants import RunPlants
 from .tried_runs import TriedRuns
 from .tuning import RunSearchTuning
 
-COSTLY = 10
-"""Number of runs that take more than a block of the time from which on some are tried on the plants before anything else."""
-
 
 class RunSearch:
     """The state of one search.
@@ -217,7 +214,7 @@ class RunSearch:
         """Evaluate classical runs, and set how far runs keep from limits at first."""
         objective = self.objective
         easy: bool | None = None
-        self._costly = self.clock.costly("tangents", COSTLY * len(objective.plants))
+        self._costly = self.clock.costly("tangents", self.tuning.costly_runs * len(objective.plants))
         if self._costly:  # what follows may take all of the time
             with self.clock.pause():
                 z = self.pool.chosen(self.n_runs, self._rng)

@@ -21,9 +21,6 @@ from .linear_rows import LinearRows
 from .run_objective import RunObjective
 from .tried_runs import TriedRuns
 
-LEAST_SLOPES = 8
-"""Number of numbers whose slopes are taken in any case."""
-
 
 class _RunParts(NamedTuple):
     """Parts of K runs on R plants: rows (R, K, m, p), distances (R, K, c), and which runs reach their ends on all plants."""
@@ -146,7 +143,7 @@ def _variables(objective: RunObjective, count: int, size: int, rng: np.random.Ge
     variable[:, own] = len(common) + np.arange(count * len(own)).reshape(count, -1)
     n, most = len(common) + count * len(own), max(1, objective.tuning.most_slopes // max(1, size))
     affordable = objective.clock.affordable("tangents", objective.tuning.slopes_share) / len(objective.plants)
-    most = int(min(most, max(LEAST_SLOPES, affordable)))
+    most = int(min(most, max(objective.tuning.least_slopes, affordable)))
     if n > most:
         kept = np.zeros(n, dtype=bool)
         kept[rng.permutation(n)[:most]] = True

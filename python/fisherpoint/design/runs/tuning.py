@@ -151,6 +151,9 @@ class RunSearchTuning:
     slopes_share: float = 0.1
     """Largest share of a limit of time that the slopes of one iteration take; where all take more, some numbers stay."""
 
+    least_slopes: int = 8
+    """Number of numbers whose slopes are taken in any case."""
+
     trajectory_rtol: float = 1e-6
     """Largest relative tolerance of the trajectories that differences are taken of."""
 
@@ -250,6 +253,9 @@ class RunSearchTuning:
     most_rows_at_once: int = 64
     """Maximum number of them: few enough for its cache."""
 
+    least_runs_at_once: int = 16
+    """Number of runs that are computed at once under a limit of time, however long they take: fewer take as long."""
+
     most_parts_at_once: int = 200_000
     """Maximum number of parts between samples that one thread computes at once, so that memory stays bounded."""
 
@@ -267,6 +273,12 @@ class RunSearchTuning:
 
     hopeless: tuple[tuple[int, float], ...] = ((250, 3.0), (1000, 1.5))
     """Numbers of plants after which a run is given up, and the factors on the most that may fail at each."""
+
+    reserved_share: float = 0.1
+    """Least share of a limit of time that is kept for what follows the search."""
+
+    costly_runs: int = 10
+    """Number of runs that take more than a block of the time from which on one is tried on the plants before anything else."""
 
     reserved_time: float = 8.0
     """Factor on the measured time of the plants that judge a design in the end: classical runs are judged too."""

@@ -33,9 +33,10 @@ from ..goal.goal import Goal, goal_of
 from ..goal.goal_criterion import known_beforehand
 from ..points.candidate_archive import CandidateArchive
 from ..points.exchange import check_determined, scenarios_of
-from ..points.point_search import TRIED_PER_POINT, PointSearch
+from ..points.point_search import PointSearch
 from ..points.size_search import SizedSearches
 from ..points.starts import best_of_starts
+from ..points.tuning import TimeTuning
 from ..results.cost import Cost
 from ..results.settings import MOST, ExchangeMethod, ExchangeSettings, SearchLimits, check_goal, method_of, most_iterations
 from .sweep_record import SizedDesign, SweptDesigns, log_det_of
@@ -46,9 +47,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_SIZES = 1000
-
-RESERVED = 0.1
-"""Share of a limit of time that is kept for the bounds."""
 
 NO_TIME = 1e-9
 """A time limit in seconds that is over at once."""
@@ -169,8 +167,9 @@ def sweep(
     scenarios = None if goal.over is None else scenarios_of(problem, settings, previous, None, known, threads)
     of_prior = known_beforehand(problem, goal)
     clock = Clock(method.time_limit)
-    clock.reserve = RESERVED * (method.time_limit or 0.0)
-    seen = CandidateArchive(problem, threads, of_prior=of_prior, clock=clock, expected=TRIED_PER_POINT * sizes[-1])
+    tuning = TimeTuning()
+    clock.reserve = tuning.bounds_of_sweep * (method.time_limit or 0.0)
+    seen = CandidateArchive(problem, threads, of_prior=of_prior, clock=clock, expected=tuning.tried_per_point * sizes[-1])
     searches = SizedSearches(problem, known, seen, scenarios)
     found: list[_Found] = []
     space, ridge, criteria = None, 0.0, seen.criteria
@@ -184,7 +183,7 @@ def sweep(
             for size in sizes:
                 of_size, limit = replace(settings, n_experiments=size), method.time_limit
                 if limit is not None:  # what is left of it
-                    left = max((1.0 - RESERVED) * limit - clock.seconds, NO_TIME)
+                    left = max((1.0 - tuning.bounds_of_sweep) * limit - clock.seconds, NO_TIME)
                     of_size = replace(of_size, method=replace(method, time_limit=left))
                 begun = None if report is None else partial(_report, report, size, len(found), len(sizes), started)
                 search, ended = best_of_starts(searches.make(of_size), of_size, threads, distributor, begun)
