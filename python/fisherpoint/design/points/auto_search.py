@@ -184,7 +184,7 @@ class AutoSearch(PoolSearch):
         tuning = self.tuning
         most = max(1, round(self._drawn_share * tuning.climbing_candidates * self.settings.n_candidates))
         each = tuning.climb.rounds * tuning.climb.near_per_point * len(self.over.problems)
-        affordable = self.time.affordable("sensitivities", tuning.climb_share) / each
+        affordable = self.time.affordable("sensitivities", tuning.climb_share) / max(1, each)
         if affordable < tuning.climb_least_share * most:
             return pool[np.arange(0)]  # rounds gain more in that time
         most = int(min(most, affordable))
