@@ -59,9 +59,9 @@ def test_a_time_limit_bounds_the_whole_call(references: bool) -> None:
         )
         seconds.append(time.process_time() - started)
         assert design.stop_reason == "time_limit"
-        assert design.trace[-1].seconds >= 0.3
-    # The references are a second search and the random designs: as long again.
-    assert min(seconds) < 5.0
+        assert design.trace[-1].seconds >= 0.2  # the rest is for the evaluation and the references
+        assert design.seconds >= 0.2
+    assert min(seconds) < 1.0
 
 
 def test_progress_is_called_once_per_iteration() -> None:
@@ -108,7 +108,7 @@ region = fp.ExperimentRegion(dict(q=(.1, .2), v=(.1, .2), p_A=(8e6, 9e6), p_B=(1
 problem = fp.DesignProblem(m, prior, region, rule=fp.TensorGrid(4), output_covariance="pooled")
 print("started", flush=True)
 def progress(p):
-    print("iteration", p.iteration, flush=True)
+    print("iteration", p.step, flush=True)
 design = fp.exchange(problem, n_candidates=400, max_iterations=10**6, progress=progress,
                      method=fp.ExchangeMethod(screen=False))
 print("returned", time.time(), design.stop_reason, len(design.points), design.evaluation.log_det == design.trace[-1].log_det,
@@ -134,6 +134,7 @@ def test_ctrl_c_stops_a_long_run_within_a_second_and_leaves_its_best_design(tmp_
             process.kill()
     assert process.returncode == 0, errors
     words = output.split()
-    assert "iteration" not in words  # it was within the first one
-    assert words[0] == "returned" and words[2:5] == ["interrupted", "2", "True"]
+    assert "iteration 1" not in output  # it was within the first one
+    words = words[words.index("returned") :]
+    assert words[2:5] == ["interrupted", "2", "True"]
     assert float(words[1]) - sent < 1.5  # a second, and some for a busy machine

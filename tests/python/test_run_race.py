@@ -10,8 +10,8 @@ import pytest
 
 import fisherpoint as fp
 from bench.strokes import cart, rests
+from fisherpoint.basics.work_clock import Clock
 from fisherpoint.design.goal.scenario_average import Average
-from fisherpoint.design.runs.run_clock import Clock
 from fisherpoint.design.runs.run_moves import moved_runs
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import draw_runs

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..basics.messages import listed
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
+from ..basics.work_clock import LANES, Clock, OutOfTime
 from ..models import Model
 from ..points.experiments import Experiments
 from ..points.region import ExperimentRegion
@@ -54,6 +55,9 @@ SMALLEST_BATCH, LARGEST_BATCH = 64, 1024
 ONWARD = 0.5
 """Share of the candidates near points that go on where these have come from."""
 
+EDGES_SHARE = 0.02
+"""Share of a limit of time that a part of the candidates at the edges takes, where all would take more."""
+
 Points = TypeVar("Points", Experiments, PointInformation)
 
 
@@ -72,6 +76,8 @@ class CandidateSource:
         Tries candidates on the nodes of the rule. Default: its own.
     elsewhere : tuple of DesignProblem
         The problem at other parameters, at which candidates have to be valid too, and are evaluated.
+    clock : Clock, optional
+        Where it is late, there are fewer candidates, or `OutOfTime` is raised where there are none.
 
     Raises
     ------
@@ -87,10 +93,12 @@ class CandidateSource:
         keep: Callable[[PointInformation], None] | None = None,
         elsewhere: tuple[DesignProblem, ...] = (),
         validity: Validity | None = None,
+        clock: Clock | None = None,
     ) -> None:
         self._problem, self._region, self._rng, self._threads = problem, problem.point_region, rng, threads
         self._keep, self._elsewhere = keep, elsewhere
         self._validity = Validity(problem, threads) if validity is None else validity
+        self._clock = Clock() if clock is None else clock
         self._spare: PointInformation | None = None
         self.drawn = 0
         self.rejected: Counter[str] = Counter()
@@ -104,8 +112,10 @@ class CandidateSource:
         self.drawn += other.drawn
         self.rejected.update(other.rejected)
 
-    def draw(self, count: int) -> PointInformation:
+    def draw(self, count: int, partly: bool = False) -> PointInformation:
         """Return `count` candidates that are valid at the prior mean, without predictive covariances.
+
+        Where the time is up, fewer are enough `partly`.
 
         Raises
         ------
@@ -123,29 +133,64 @@ class CandidateSource:
             share = max(self.accepted / self.drawn, 0.05) if self.drawn else 0.7
             batch = round(np.clip(4 * count / share, SMALLEST_BATCH, LARGEST_BATCH))
             tried += batch
-            survivors, _ = self.survivors(self._region.draw(self._problem.model, batch, seed=self._rng))
+            survivors, _ = self._survivors(self._region.draw(self._problem.model, batch, seed=self._rng), count - have)
             found.append(survivors)
             have += len(survivors)
+            if have < count and self._clock.late():
+                if not (partly and have):
+                    raise OutOfTime
+                count = have
         joined = PointInformation.join(found) if len(found) > 1 else found[0]
         self._spare = joined[count:] if have > count else None
         return joined[:count]
 
     def survivors(self, points: Experiments) -> tuple[PointInformation, NDArray[np.intp]]:
         """Return those that are valid at the prior mean, and their places; the others are counted."""
-        information, kept, rejected = surviving(self._problem, self._region, points, self._threads, self._elsewhere)
-        self.drawn += len(points)  # with the reasons, so that the counts add up after an interrupt too
-        self.rejected.update(+rejected)
+        return self._survivors(points, None)
+
+    def _survivors(self, points: Experiments, enough: int | None) -> tuple[PointInformation, NDArray[np.intp]]:
+        """Return survivors among the points that there is time for; `enough` of them where more would cost much."""
+        parts, places, have = list[PointInformation](), list[NDArray[np.intp]](), 0
+        lanes = 1 + len(self._elsewhere)
+        try:
+            for some in self._clock.blocks("sensitivities", len(points), lanes):
+                found = surviving(self._problem, self._region, points[some], self._threads, self._elsewhere)
+                information, kept, rejected = found
+                self.drawn += some.stop - some.start  # with the reasons, so that the counts add up after an interrupt too
+                self.rejected.update(+rejected)
+                parts.append(information)
+                places.append(kept + some.start)
+                have += len(kept)
+                left = (len(points) - some.stop) * lanes
+                if enough is not None and have >= enough and self._clock.costly("sensitivities", left):
+                    break
+        except OutOfTime:
+            if not parts:
+                raise
+        information = parts[0] if len(parts) == 1 else PointInformation.join(parts)
         if self._keep is not None:
             self._keep(information)
-        return information, kept
+        return information, np.concatenate(places)
 
     def draw_at_edges(self, count: int) -> PointInformation:
         """Return what is valid at the prior mean of `count` candidates at the region's edges, sampled as late as plants allow."""
         points = self._region.draw_at_edges(self._problem.model, count, seed=self._rng)
-        if (shortest := self._shortest) is not None:
-            cut, _, status = self._validity.cut_short(points, shortest, roughly=True)
-            points = Experiments.join([points[np.flatnonzero(status == Status.ok)], cut])
-        return self.survivors(points)[0]
+        if (shortest := self._shortest) is None:
+            return self.survivors(points)[0]
+        # Where they cost much there may be time for a part of them: then each part goes all its way.
+        each, parts = self._clock.affordable("sensitivities", EDGES_SHARE), list[PointInformation]()
+        each = max(count, 1) if each >= count else max(LANES, int(each))
+        for first in range(0, max(count, 1), each):
+            try:
+                some = points[first : first + each]
+                cut, _, status = self._validity.cut_short(some, shortest, roughly=True)
+                some = Experiments.join([some[np.flatnonzero(status == Status.ok)], cut])
+                parts.append(self.survivors(some)[0])
+            except OutOfTime:
+                if not parts:
+                    raise
+                break
+        return parts[0] if len(parts) == 1 else PointInformation.join(parts)
 
     def draw_near(self, points: Experiments, each: int, steps: Array | None = None) -> tuple[PointInformation, IntArray]:
         """Return what is valid at the prior mean of `each` candidates near every point, and the point of each.

@@ -6,6 +6,7 @@ import warnings
 
 from ..basics.checks import check_flag, check_type
 from ..basics.values import Array
+from ..basics.work_clock import Clock
 from ..points.runs import Points, Runs, as_runs
 from .evaluation import Evaluation, evaluate_information
 from .output_covariance import OutputCovariance, needs_covariances
@@ -68,13 +69,18 @@ def evaluate(
 
 
 def evaluate_beside(
-    problem: DesignProblem, runs: Runs, threads: int | None, known: PointInformation | None, prior: Array | None
+    problem: DesignProblem,
+    runs: Runs,
+    threads: int | None,
+    known: PointInformation | None,
+    prior: Array | None,
+    clock: Clock | None = None,
 ) -> Evaluation:
     """Evaluate runs beside what is already measured, and beside rows (k, n_unknowns) of what is known of the parameters."""
     information = information_of(problem, runs, threads, needs_covariances(str(problem.output_covariance)))
     if known is not None:
         information = PointInformation.join([known, information])
-    return evaluate_information(problem, information, d_of(problem, information, threads), threads, prior)
+    return evaluate_information(problem, information, d_of(problem, information, threads), threads, prior, clock)
 
 
 def _checked_runs(points: Points) -> Runs:

@@ -16,6 +16,7 @@ from ..basics.field_checks import Choices, Extents
 from ..basics.quantity import names_of
 from ..basics.result_files import Kept
 from ..basics.values import Array, FrozenMapping, relative_errors
+from ..basics.work_clock import Clock
 from ..engine import _core
 from ..show.display import Plots, Shown
 from ..show.numbers import computed, counted, number, percent
@@ -230,9 +231,17 @@ def value_of_criterion(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def evaluate_information(
-    problem: DesignProblem, information: PointInformation, d: OutputCovariance, threads: int | None, prior: Array | None = None
+    problem: DesignProblem,
+    information: PointInformation,
+    d: OutputCovariance,
+    threads: int | None,
+    prior: Array | None = None,
+    clock: Clock | None = None,
 ) -> Evaluation:
-    """Evaluate points whose information is known, beside rows (k, n_unknowns) of what is known of the parameters."""
+    """Evaluate points whose information is known, beside rows (k, n_unknowns) of what is known of the parameters.
+
+    There is no `nearby` where the clock leaves no time for it.
+    """
     names, std = problem.estimated, problem.std
     prepared, nuisance = d.prepare(information), problem.n_nuisance
     accumulator = d.accumulate(prepared)
@@ -285,7 +294,7 @@ def evaluate_information(
         standard_errors = FrozenMapping(dict(zip(names, (errors * std).tolist(), strict=True)))
         rse = relative_errors(standard_errors, problem.prior.mean)
         if d.kind == "noise":
-            nearby = nearby_of(problem, information, d, factor, half, threads, known)
+            nearby = nearby_of(problem, information, d, factor, half, threads, known, clock)
     else:
         log_det = -np.inf
 

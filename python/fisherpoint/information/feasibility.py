@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -16,6 +16,7 @@ from ..basics.extras import needed_for
 from ..basics.field_checks import Choices, Extents
 from ..basics.result_files import Kept
 from ..basics.values import Array, FrozenMapping, IntArray
+from ..basics.work_clock import Clock
 from ..points.broken_limits import checked_broken_limits
 from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Points, Runs, as_runs
@@ -36,7 +37,7 @@ MOST_SEGMENTS = 100_000
 
 MOST_DRAWS = 10**7
 FEW = 50
-"""Plants that are tried at least, where there is a limit of time."""
+"""Plants that are tried at least, where there is a limit of time, unless they take much of it."""
 
 LISTED = 10
 """Points or runs that the report lists."""
@@ -206,9 +207,9 @@ def feasibility_within(
     draws: int,
     seed: int,
     threads: int | None,
-    late: Callable[[], bool] | None,
+    clock: Clock | None,
 ) -> Feasibility:
-    """Return what `feasibility` does, from fewer plants, but a few at least, where it is `late`."""
+    """Return what `feasibility` does, from fewer plants where a clock leaves time for no more, but a block of them at least."""
     check_type(problem, DesignProblem, "problem")
     runs = as_runs(points)
     if not len(runs):
@@ -220,12 +221,20 @@ def feasibility_within(
     plants, left_out = drawn_plants(problem, count, np.random.default_rng([seed, 0]))
     of_starts = np.random.default_rng([seed, 1])
     tally = _Tally(problem, runs, settings)
-    each = max(1, min(MOST_SEGMENTS // runs.dt.size, count if late is None else FEW))
-    for first in range(0, count, each):
-        if first and late is not None and late():
-            count = first
+    clock, done = Clock() if clock is None else clock, 0
+    few = FEW if clock.limited and not clock.costly("plants", FEW * len(runs)) else 1
+    each = max(1, min(MOST_SEGMENTS // runs.dt.size, count))
+    while done < count:
+        if done >= few and clock.late(clock.cost("plants", len(runs))):
+            count = done
             break
-        tally.add(plants[first : first + each], of_starts)
+        clock.report()
+        size = min(each, max(few - done, clock.size("plants", len(runs))), count - done) if clock.measures else each
+        began = clock.seconds
+        tally.add(plants[done : done + size], of_starts)
+        clock.measured("plants", size * len(runs), clock.seconds - began)
+        done += size
+    count = min(done, count)
     return Feasibility(
         kind=points.kind,
         draws=count,

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..basics.field_checks import Extents
 from ..basics.values import Array, FrozenMapping, IntArray
+from ..basics.work_clock import Clock, OutOfTime
 from ..points.runs import as_runs
 from ..points.status import Status
 from ..show.numbers import computed
@@ -117,8 +118,9 @@ def nearby_of(
     half: Array,
     threads: int | None,
     known: Array | None = None,
-) -> Nearby:
-    """Evaluate points near the prior mean.
+    clock: Clock | None = None,
+) -> Nearby | None:
+    """Evaluate points near the prior mean; None where the clock leaves no time for that.
 
     Parameters
     ----------
@@ -134,7 +136,24 @@ def nearby_of(
     threads : int or None
     known : ndarray, (k, n_unknowns), optional
         Rows that count beside those of the points wherever the parameters are: what is known beforehand.
+    clock : Clock, optional
     """
+    try:
+        return _nearby_of(problem, information, d, factor, half, threads, known, clock)
+    except OutOfTime:
+        return None
+
+
+def _nearby_of(
+    problem: DesignProblem,
+    information: PointInformation,
+    d: OutputCovariance,
+    factor: Array,
+    half: Array,
+    threads: int | None,
+    known: Array | None,
+    clock: Clock | None,
+) -> Nearby:
     names, promised, moves = problem.estimated, np.linalg.norm(half, axis=1), _moves(half)
     at_mean = _white(d, factor, information)
     growth, worst = np.ones(len(names)), (0.0, 0, np.zeros(problem.n_unknowns), at_mean)
@@ -142,7 +161,7 @@ def nearby_of(
     runs, theta = as_runs(information.points), _moved(problem, moves)
     # What is drawn anew is part of the D of points, which stays as it is at the mean; with runs it is part of the rows.
     of_points = information.assumed is not None and runs.points is not None
-    at_all = samples_at(problem, runs, theta, threads, information.measured, plain=of_points)
+    at_all = samples_at(problem, runs, theta, threads, information.measured, plain=of_points, clock=clock)
     if information.assumed is not None and not of_points:
         information = replace(information, assumed=np.zeros_like(information.assumed))
     for m, (sensitivity, found) in enumerate(at_all):

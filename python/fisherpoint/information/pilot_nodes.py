@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
+from ..basics.work_clock import Clock
 from ..points.experiments import Experiments
 from ..points.predictive import nodes_of
 from ..points.settings import Integration
@@ -77,9 +78,13 @@ class PilotNodes:
         Of the trajectories.
     plants : ndarray, (m, p), optional
         Parameters of `problem.assumed.model`, if there is one, with which all points have to be ok.
+    clock : Clock, optional
     """
 
-    def __init__(self, problem: DesignProblem, settings: Integration, plants: Array | None = None) -> None:
+    def __init__(
+        self, problem: DesignProblem, settings: Integration, plants: Array | None = None, clock: Clock | None = None
+    ) -> None:
+        self._clock = Clock() if clock is None else clock
         self._problem, self._settings, rule = problem, settings, problem.rule
         self.allowed = LOSS * rule.max_lost_weight
         """Largest weight of the nodes that may be lost."""
@@ -117,6 +122,10 @@ class PilotNodes:
         status, _ = self._at(points, self.plants, self._settings)
         lost = fatal(status)
         return np.where(lost.any(axis=1), status[np.arange(len(points)), np.argmax(lost, axis=1)], np.int32(Status.ok))
+
+    def statuses_on_plants(self, points: Experiments) -> IntArray:
+        """Statuses (K, m) of points on each plant."""
+        return self._at(points, self.plants, self._settings)[0]
 
     def lasted_on_plants(self, points: Experiments) -> Array:
         """Times (K, m) until which points can be followed on each plant; infinite where none of `FATAL` ended them."""
@@ -164,7 +173,7 @@ class PilotNodes:
 
     def learn(self, failed: Experiments) -> None:
         """Learn from points that failed on all nodes together."""
-        if self._theta is None or not len(failed):
+        if self._theta is None or not len(failed) or self._clock.costly("nodes", LEARNT * len(self._theta)):
             return
         self._failed.append(failed.table)
         if sum(map(len, self._failed)) < LEARNT:
@@ -197,11 +206,14 @@ class PilotNodes:
 
     def _at(self, points: Experiments, parameters: Array, settings: Integration) -> tuple[IntArray, Array]:
         """Statuses (K, n), and until when each could be followed; infinite where none of `FATAL` ended it."""
-        model, count = self.model, len(parameters)
-        given = (np.repeat(part, count, axis=0) for part in (points.x0, points.u, points.dt))
-        theta = np.tile(parameters, (len(points), 1))
-        _, _, *results = model.kernels.simulate(model.core, *given, theta, *settings)
-        status, lasted = (np.asarray(one).reshape(len(points), count) for one in results)
+        model, count, parts = self.model, len(parameters), []
+        for some in self._clock.blocks("nodes", len(points), max(1, count)):
+            own = points[some]
+            given = (np.repeat(part, count, axis=0) for part in (own.x0, own.u, own.dt))
+            theta = np.tile(parameters, (len(own), 1))
+            _, _, *results = model.kernels.simulate(model.core, *given, theta, *settings)
+            parts.append([np.asarray(one).reshape(len(own), count) for one in results])
+        status, lasted = (np.concatenate(found) for found in zip(*parts, strict=True))
         return status, np.where(fatal(status), lasted, np.inf)
 
 

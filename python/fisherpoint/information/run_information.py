@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
+from ..basics.work_clock import Clock
 from ..points.broken_limits import refuse_failures
 from ..points.run_trajectories import checked_run_sensitivities
 from ..points.runs import Runs
@@ -72,11 +73,12 @@ def samples_at(
     threads: int | None,
     measured: NDArray[np.bool_] | None = None,
     plain: bool = False,
+    clock: Clock | None = None,
 ) -> Iterator[tuple[Array, IntArray]]:
     """For each of R sets of parameters (R, p) of the model: rows (S, n_y, p) and statuses (S,) of the samples.
 
     Kinks and jumps are crossed, as in fits. Outputs of samples that are not `measured` (S, n_y) have no weight; the default is all.
-    Rows that are `plain` have nothing in them of what is drawn anew.
+    Rows that are `plain` have nothing in them of what is drawn anew. With a `clock`, `OutOfTime` is raised where it is late.
     """
     informative = None
     if measured is not None:
@@ -85,8 +87,11 @@ def samples_at(
     settings = Integration(float(problem.rtol), threads=resolve_threads(threads))
     rows_of = _plain_rows if plain else run_rows
     count, each = len(runs), max(1, MOST_SEGMENTS // runs.dt.size)
-    for first in range(0, len(theta), each):
-        some = theta[first : first + each]
+    kind = "tangents" if runs.points is None else "sensitivities"
+    clock = Clock() if clock is None else clock
+    clock.check(clock.cost(kind, len(theta) * len(runs)))  # a part of them is of no use
+    blocks = clock.blocks(kind, len(theta), len(runs))
+    for some in (theta[block][first : first + each] for block in blocks for first in range(0, len(theta[block]), each)):
         many = runs[np.tile(np.arange(count), len(some))]
         of_many = None if informative is None else np.tile(informative, (len(some), 1, 1))
         rows = rows_of(problem, many, np.repeat(some, count, axis=0), settings, of_many)

@@ -9,11 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array, IntArray
+from ..basics.work_clock import LANES, Clock
 from ..points.experiments import Experiments
 from ..points.status import Status
+from ..prior.rules import LinearizedRule
+from .draws import drawn_plants
 from .pilot_nodes import SHORT, PilotNodes, fatal, lasting
 from .point_information import PointInformation, statuses_over_nodes, with_covariance
 from .problem import DesignProblem
+
+RULE_SHARE = 0.25
+"""Share of a limit of time that all points that are tried may take on the nodes of the rule."""
+
+PLANTS_SEED = 4_000_037
+"""Seed of the plants that stand for the nodes where these take too long."""
 
 
 class Validity:
@@ -25,18 +34,36 @@ class Validity:
     threads : int or None
     covariances : bool
         Whether what is tried gets its predictive covariance.
+    clock : Clock, optional
+        Where all nodes of the rule would take too much of its limit, points are tried on some plants in their place.
+    expected : int
+        Number of points that will be tried, about.
+
+    Attributes
+    ----------
+    plants : int or None
+        Number of plants that stand for the nodes of the rule; None where points are tried on all nodes.
     """
 
-    def __init__(self, problem: DesignProblem, threads: int | None, covariances: bool = True) -> None:
+    def __init__(
+        self,
+        problem: DesignProblem,
+        threads: int | None,
+        covariances: bool = True,
+        clock: Clock | None = None,
+        expected: int = 1,
+    ) -> None:
         self._problem, self._threads, self._covariances = problem, threads, covariances
         settings = problem.integration(threads)
-        self._settings = settings
-        self._sieve = PilotNodes(problem, settings)
+        self._settings, self._clock, self._expected = settings, Clock() if clock is None else clock, expected
+        self._sieve = PilotNodes(problem, settings, clock=clock)
         self._known: dict[bytes, bool] = {}  # by the numbers of a point
+        self._instead: PilotNodes | None = None
+        self._decided = covariances or not self._clock.limited or isinstance(problem.rule, LinearizedRule)
 
     def ask(self, plants: Array) -> None:
         """Require plants (m, p), parameters as of `drawn_plants`: from now on valid points are also ok on all of them."""
-        self._sieve = PilotNodes(self._problem, self._settings, plants)
+        self._sieve = PilotNodes(self._problem, self._settings, plants, self._clock)
         self._known.clear()
 
     def tried(self, points: PointInformation) -> tuple[PointInformation, IntArray]:
@@ -55,13 +82,43 @@ class Validity:
 
     def statuses(self, points: Experiments) -> IntArray:
         """Statuses (K,) of points that are ok at the prior mean."""
-        return self._staged_statuses(points, lambda rows: statuses_over_nodes(self._problem, points[rows], self._threads))
+
+        def over_nodes(rows: NDArray[np.intp]) -> IntArray:
+            if self._instead is not None:
+                return self._on_plants(self._instead, points[rows])
+            return statuses_over_nodes(self._problem, points[rows], self._threads)
+
+        if not self._decided and len(points):
+            self._decide(points[:1])
+        return self._staged_statuses(points, over_nodes)
+
+    @property
+    def plants(self) -> int | None:
+        return None if self._instead is None else len(self._instead.plants)
+
+    def _decide(self, point: Experiments) -> None:
+        """Whether all nodes are tried, or some plants in their place, by what a few trajectories cost."""
+        some, _ = drawn_plants(self._problem, LANES, np.random.default_rng(PLANTS_SEED))
+        PilotNodes(self._problem, self._settings, some, self._clock).on_plants(point)
+        most = self._clock.affordable("nodes", RULE_SHARE / self._expected)
+        if self._problem.rule.size(self._problem.prior) > most:
+            plants, _ = drawn_plants(self._problem, max(LANES, int(most)), np.random.default_rng(PLANTS_SEED))
+            self._instead = PilotNodes(self._problem, self._settings, plants, self._clock)
+        self._decided = True
+
+    def _on_plants(self, instead: PilotNodes, points: Experiments) -> IntArray:
+        """Statuses (K,) of points on plants that stand for the nodes: ok where no more are lost than may be."""
+        status = instead.statuses_on_plants(points)
+        lost = status != Status.ok
+        failed = lost.mean(axis=1) > self._problem.rule.max_lost_weight
+        return np.where(failed, status[np.arange(len(points)), np.argmax(lost, axis=1)], np.int32(Status.ok))
 
     def _staged_statuses(self, points: Experiments, over_nodes: Callable[[NDArray[np.intp]], IntArray]) -> IntArray:
         """Statuses on pilot nodes, on all nodes where a point passes these, and on the required plants."""
         status = self._sieve.statuses(points)
         passed = np.flatnonzero(status == Status.ok)
-        there = over_nodes(passed)
+        lanes = len(self._instead.plants) if self._instead else self._problem.rule.size(self._problem.prior)
+        there = np.concatenate([over_nodes(passed[some]) for some in self._clock.blocks("rule", len(passed), lanes)])
         if len(self._sieve.plants):
             ok = np.flatnonzero(there == Status.ok)
             there[ok] = self._sieve.on_plants(points[passed[ok]])
@@ -115,9 +172,12 @@ class Validity:
 
     def _at_mean(self, points: Experiments) -> tuple[IntArray, Array]:
         """Statuses (K,), and until when each point can be followed, infinite where none of `FATAL` ended it."""
-        model, theta = self._problem.limited, self._problem.theta
-        _, _, status, lasted = model.kernels.simulate(model.core, points.x0, points.u, points.dt, theta, *self._settings)
-        return np.asarray(status), np.where(fatal(status), lasted, np.inf)
+        model, theta, parts = self._problem.limited, self._problem.theta, []
+        for some in self._clock.blocks("nodes", len(points)):
+            given = points.x0[some], points.u[some], points.dt[some]
+            parts.append(model.kernels.simulate(model.core, *given, theta, *self._settings)[2:])
+        status, lasted = (np.concatenate([np.asarray(one) for one in found]) for found in zip(*parts, strict=True))
+        return status, np.where(fatal(status), lasted, np.inf)
 
     def include(self, other: Validity) -> None:
         """Remember what another has tried of the same problem."""

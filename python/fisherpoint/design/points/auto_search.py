@@ -18,6 +18,7 @@ import numpy as np
 
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array
+from ...basics.work_clock import OutOfTime
 from ...information.point_information import PointInformation
 from ...points.experiments import Experiments
 from ...show.progress import Progress
@@ -58,13 +59,18 @@ class AutoSearch(PoolSearch):
         edges = min(tuning.most_edge_candidates, tuning.edge_candidates * settings.n_candidates)
         count = max(1, round(self._drawn_share * edges))
         first = self.best.information
-        random = self._pool(PointInformation.join([first, self.source.draw(max(1, count // 2))]))
+        some = first[:0]
+        with self.time.part(tuning.pool_share / 2):
+            some = self.source.draw(max(1, count // 2), partly=True)
+        random = self._pool(PointInformation.join([first, some]))
         random.valid[: len(first)] = 1
-        self._confirm(random, np.arange(min(len(random), tuning.pilot_candidates)))
+        with self.time.part(tuning.pilot_share):
+            self._confirm(random, np.arange(min(len(random), tuning.pilot_candidates)))
         least = tuning.group_budget if self.away is None else tuning.plant_budget_factor * tuning.group_budget
         times = int(np.clip(settings.max_iterations // least, 1, tuning.groups + tuning.merged_climbs))
         ends, found, easy = list[PointInformation](), random[np.arange(len(first))], False
         while not easy and len(ends) < min(times, tuning.groups):
+            begun = self.time.seconds
             pool = self._with_edges(random, count)
             self._restrict_to_estimable(pool)
             design, peaks = yield from self._group(pool, at_random=len(ends) % 2 == 1)
@@ -72,6 +78,8 @@ class AutoSearch(PoolSearch):
             found = found.with_more(peaks).with_more(self._pool(design, 1))
             values = np.array([self._value(end) for end in ends])
             easy = int((values > values.max() - tuning.agreement_per_parameter * self._level).sum()) >= tuning.agreeing_groups
+            if self.time.late(tuning.group_times_left * (self.time.seconds - begun)):
+                times = len(ends)  # what is left is better spent on the best design
         design = max(ends, key=self._value)
         for _ in range(0 if easy else times - len(ends)):
             design = yield from self._followed(design, found, tuning.merged_rounds)
@@ -89,14 +97,19 @@ class AutoSearch(PoolSearch):
 
     def _with_edges(self, random: Pool, count: int) -> Pool:
         """A pool of what is there and so many new candidates at the edges of the region."""
-        return random.with_more(self._pool(self.source.draw_at_edges(count)))
+        with self.time.part(self.tuning.pool_share):
+            return random.with_more(self._pool(self.source.draw_at_edges(count)))
+        return random
 
     def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         reason = super().run(progress)
         if self._enough is not None:
             self.best = self._enough
         if reason != StopReason.interrupted:
-            self._copy_what_is_near()
+            try:
+                self._copy_what_is_near()
+            except OutOfTime:
+                reason = StopReason.time_limit
         return reason
 
     def _copy_what_is_near(self) -> None:
@@ -170,6 +183,11 @@ class AutoSearch(PoolSearch):
         table = self._numbers(pool.information)[live]
         tuning = self.tuning
         most = max(1, round(self._drawn_share * tuning.climbing_candidates * self.settings.n_candidates))
+        each = tuning.climb.rounds * tuning.climb.near_per_point * len(self.over.problems)
+        affordable = self.time.affordable("sensitivities", tuning.climb_share) / max(1, each)
+        if affordable < tuning.climb_least_share * most:
+            return pool[np.arange(0)]  # rounds gain more in that time
+        most = int(min(most, affordable))
         gains, apart = self._gains(design, pool.columns.take(live, axis=3)), tuning.climb.least_distance
         peaks = pool[live[far_apart(table, self._upper - self._lower, gains, most, apart)]]
         self._confirm(peaks, np.arange(len(peaks)))

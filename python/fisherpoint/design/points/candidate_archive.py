@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...basics.work_clock import Clock
 from ...information.output_covariance import needs_covariances, output_covariance
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
@@ -63,7 +64,8 @@ class _Best(NamedTuple):
 class CandidateArchive:
     """Candidates that were valid at the prior mean; `criteria` are maximised in the scenarios, log det F where none are given.
 
-    `of_prior` (p, p) is information that counts beside whatever design, as the previous points do, but is no measurement.
+    `of_prior` (p, p) is information that counts beside whatever design, as the previous points do, but is no measurement. `clock`
+    and `expected` are as of `Validity`.
     """
 
     def __init__(
@@ -73,13 +75,16 @@ class CandidateArchive:
         criteria: Sequence[Criterion] | None = None,
         of_prior: Array | float = 0.0,
         tuning: ArchiveTuning = ArchiveTuning(),
+        clock: Clock | None = None,
+        expected: int = 1,
     ) -> None:
-        self.tuning = tuning
+        self.tuning, self._clock = tuning, Clock() if clock is None else clock
         self._problem, self._threads, self._of_prior = problem, threads, of_prior
         self.criteria = (criterion_of(problem, Goal()),) if criteria is None else tuple(criteria)
         self._seen: list[PointInformation] = []
         self._numbers = 0
-        self.validity = Validity(problem, threads, needs_covariances(str(problem.output_covariance)))
+        covariances = needs_covariances(str(problem.output_covariance))
+        self.validity = Validity(problem, threads, covariances, clock, expected)
 
     def add(self, information: PointInformation) -> None:
         """Keep these, as long as there is room."""
@@ -134,6 +139,7 @@ class CandidateArchive:
         valid = np.arange(len(everything)) < count
 
         def runs_everywhere(places: Places) -> NDArray[np.bool_]:
+            self._clock.check()
             unknown = places[~valid[places]]
             valid[unknown] = self.validity.of(everything.points[unknown])
             return valid[places]

@@ -17,6 +17,7 @@ import numpy as np
 from ...basics.checks import check_type
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
+from ...basics.work_clock import Clock, OutOfTime
 from ...engine.workers import Distributor, Workers, check_workers, distributed_over
 from ...information.candidates import surviving
 from ...information.evaluation import Evaluation
@@ -35,7 +36,7 @@ from ..goal.estimability import determined, refuse_open
 from ..goal.goal import Goal, goal_of
 from ..goal.over_prior import Scenarios, moved_problems
 from ..results.design import Design
-from ..results.efficiency import Efficiency, efficiency_of, median_of, random_designs
+from ..results.efficiency import LEAST_RANDOM_DESIGNS, Efficiency, efficiency_of, median_of, random_designs
 from ..results.found_design import FoundDesign
 from ..results.settings import ExchangeMethod, ExchangeSettings, SearchLimits, check_goal, method_of, most_iterations, searched_by
 from .auto_search import AutoSearch
@@ -169,7 +170,9 @@ def _designs(
         if not interrupted:
             check_determined(search)
         efficiency = None
+        search.time.reserve *= search.settings.method.references * search.tuning.limit.kept_for_references
         under_noise = search.under_noise()
+        search.time.reserve = 0.0
         evaluation = search.evaluation(under_noise)
         if evaluation.null_directions:
             space = search.find_estimable_space()
@@ -179,6 +182,9 @@ def _designs(
             yield Design(**vars(search.found(stop_reason, evaluation, under_noise, None, left_out)))
             try:
                 efficiency = _references(search, evaluation, under_noise)
+            except OutOfTime:
+                stop_reason = StopReason.time_limit
+                search.left_out.append("what the design is compared with")
             except KeyboardInterrupt:
                 stop_reason = StopReason.interrupted
     yield Design(**vars(search.found(stop_reason, evaluation, under_noise, efficiency, left_out)))
@@ -244,11 +250,12 @@ def _search(
     previous: PointInformation | None,
     kept: Experiments | None,
     scenarios: Scenarios | None = None,
+    clock: Clock | None = None,
 ) -> PointSearch:
     """The search of a method; where D depends on all points, or on a point's own covariance, that of the paper."""
     if searched_by(settings.method.name, problem) == "auto":
-        return AutoSearch(problem, settings, threads, previous, kept, scenarios)
-    return ExchangeSearch(problem, settings, threads, previous, kept)
+        return AutoSearch(problem, settings, threads, previous, kept, scenarios, clock)
+    return ExchangeSearch(problem, settings, threads, previous, kept, clock=clock)
 
 
 def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evaluation | None) -> Efficiency:
@@ -258,22 +265,34 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
     problem, settings, seen = search.problem.replace(output_covariance="noise"), search.settings, search.seen
     best_found = None
     if search.d.kind != "noise":
-        other = _search(problem, replace(settings, seed=settings.seed + 1), search.threads, search.previous, search.kept)
-        if other.run(None) == StopReason.interrupted:
+        other_seed = replace(settings, seed=settings.seed + 1)
+        other = _search(problem, other_seed, search.threads, search.previous, search.kept, clock=search.time)
+        with search.time.part(search.tuning.limit.other_share):
+            ended = other.run(None)
+        if ended == StopReason.interrupted:
             raise KeyboardInterrupt
-        best_found = other.best.log_det
+        if ended != StopReason.time_limit or other.trace[-1].iteration > 1:
+            best_found = other.best.log_det
+        else:
+            search.left_out.append("another search, with D = R")
         seen.include(other.seen)
     criterion, log_det = search.at_mean, under_noise.log_det
     if not criterion.plain:
         log_det = criterion.objective(beside_nuisance(under_noise.fisher, search.problem.n_nuisance))
     too_few = search.space is not None and evaluation.rank < determined(search.problem, search.space)
-    bound = None
-    if not too_few or not settings.goal.of_all:
-        own, over = search.best.information, search.scenarios
-        bound = seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over)
-    start = search.count, settings.seed, search.threads, search.previous, settings.method.time_limit
     total = search.count + (0 if search.previous is None else len(search.previous))
-    random = random_designs(problem, *start, lambda fisher: criterion.objective(fisher + 2 / total * search.of_prior))
+    random, bound = np.empty(0), None
+    with search.time.part(search.tuning.limit.random_share):
+        start = search.count, settings.seed, search.threads, search.previous, search.time
+        random = random_designs(problem, *start, lambda fisher: criterion.objective(fisher + 2 / total * search.of_prior))
+    if search.time.limited and len(random) < LEAST_RANDOM_DESIGNS:
+        search.left_out.append("random designs")
+    try:
+        if not too_few or not settings.goal.of_all:
+            own, over = search.best.information, search.scenarios
+            bound = seen.bound(own, search.previous) if over is None else seen.bound_over(own, search.previous, over)
+    except OutOfTime:
+        search.left_out.append("the bound of all designs of the candidates")
     return efficiency_of(
         search.problem,
         search.d,
@@ -281,7 +300,7 @@ def _references(search: PointSearch, evaluation: Evaluation, under_noise: Evalua
         log_det,
         bound,
         best_found,
-        median_of(random),
+        median_of(random) if len(random) >= LEAST_RANDOM_DESIGNS else None,
         of_criterion=search.scenarios is not None,
         level=criterion.level,
     )

@@ -12,7 +12,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ...basics.values import Array
+from ...basics.values import Array, IntArray
+from ...basics.work_clock import Clock, OutOfTime
 from ...information.candidates import CandidateSource
 from ...information.output_covariance import OutputCovariance, cholesky_factor, whitened
 from ...information.point_information import PointInformation, point_sensitivities
@@ -44,6 +45,7 @@ class PointAscent:
     criteria : sequence of Criterion
         What is maximised in each scenario.
     tuning : PointSearchTuning
+    clock : Clock, optional
     """
 
     def __init__(
@@ -56,8 +58,9 @@ class PointAscent:
         over: Scenarios,
         criteria: Sequence[Criterion],
         tuning: PointSearchTuning,
+        clock: Clock | None = None,
     ) -> None:
-        self.tuning = tuning
+        self.tuning, self._clock = tuning, Clock() if clock is None else clock
         self._over, self._criteria = over, criteria
         self._problem, self._source, self._d, self._threads = problem, source, d, threads
         self.fixed = fixed
@@ -79,8 +82,11 @@ class PointAscent:
                 break
             z = self._numbers(points.experiments)
             here = z[:, self._free].ravel()
-            changes = trial_changes(self._linear(z, rows), here, np.repeat(reach, len(self._free)), ascent.step_shares)
-            after, gain = self._best_of(points, rows, value, np.clip(here + changes, 0.0, 1.0), z)
+            try:
+                changes = trial_changes(self._linear(z, rows), here, np.repeat(reach, len(self._free)), ascent.step_shares, late)
+                after, gain = self._best_of(points, rows, value, np.clip(here + changes, 0.0, 1.0), z)
+            except OutOfTime:
+                break
             if after is None:
                 reach = reach * ascent.reach_factors[-1]
             else:
@@ -132,7 +138,7 @@ class PointAscent:
             beside = z[point].copy()
             beside[np.arange(len(point)), self._free[number]] += step[point, number]
             points = self._points(beside)
-            found = [point_sensitivities(problem, points, self._threads) for problem in self._over.problems]
+            found = [self._sensitivities(problem, points) for problem in self._over.problems]
             ok = np.flatnonzero(np.all([status == Status.ok for _, status in found], axis=0))
             number, point = number[ok], point[ok]
             there = np.stack([whitened_rows(self._d, information[ok]) for information, _ in found])
@@ -155,6 +161,11 @@ class PointAscent:
             slopes_there,
             self.tuning.ascent,
         )
+
+    def _sensitivities(self, problem: DesignProblem, points: Experiments) -> tuple[PointInformation, IntArray]:
+        blocks = self._clock.blocks("sensitivities", len(points))
+        parts, statuses = zip(*(point_sensitivities(problem, points[some], self._threads) for some in blocks), strict=True)
+        return (parts[0], statuses[0]) if len(parts) == 1 else (PointInformation.join(parts), np.concatenate(statuses))
 
     def _value(self, rows: Array) -> float:
         values = []

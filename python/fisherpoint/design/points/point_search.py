@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
+from ...basics.work_clock import LANES, Clock, OutOfTime
 from ...engine import _core
 from ...information.candidates import CandidateSource
 from ...information.evaluation import Evaluation, evaluate_information, finite_fisher
@@ -18,6 +18,7 @@ from ...information.output_covariance import OutputCovariance, output_covariance
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
+from ...show.numbers import counted
 from ...show.progress import Progress
 from ..candidates.candidate_rows import CandidateRows
 from ..goal.criteria import Criterion
@@ -53,11 +54,13 @@ class PointSearch:
     previous: PointInformation | None = None  # stays, beside whatever points are searched for; the kept ones stand last
     kept: Experiments | None = None  # points of the design that are not searched for
     scenarios: Scenarios | None = None  # over which is maximised; else it is the prior mean
+    clock: Clock | None = None  # default: its own
     tuning: PointSearchTuning = field(default_factory=PointSearchTuning)
     trace: list[TraceRecord] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.started = time.perf_counter()
+        self.time = Clock(self.settings.method.time_limit) if self.clock is None else self.clock
+        self.left_out: list[str] = []  # what there was no time for
         self.ends: tuple[float, ...] = ()  # what each of several starts came to
         over = self.scenarios
         self.over = Scenarios((self.problem,), Average.of_all(1), (self.previous,)) if over is None else over
@@ -67,14 +70,25 @@ class PointSearch:
         self.spaces: tuple[Estimable, ...] | None = None  # what the pools of a search determine in each scenario
         self.ridge = 0.0  # what was added to F while designs were singular
         self.of_prior = known_beforehand(self.problem, self.settings.goal)
-        self.seen = CandidateArchive(self.problem, self.threads, self.criteria, self.of_prior, self.tuning.archive)
+        archive, tried = self.tuning.archive, self.tuning.limit.tried_per_point * self.count
+        self.seen = CandidateArchive(
+            self.problem,
+            self.threads,
+            self.criteria,
+            self.of_prior,
+            archive,
+            self.time,
+            tried,
+        )
         self.away: Away | None = None
         if self.settings.goal.share_of_plants is not None:
             self.away = Away(self.problem, self.settings, self.seen.validity, self.tuning.plants)
         keep = self.seen.add if self.settings.method.references and self.problem.noise is not None else None
         elsewhere, rng = () if over is None else over.problems, np.random.default_rng(self.settings.seed)
-        self.source = CandidateSource(self.problem, rng, self.threads, keep, elsewhere, self.seen.validity)
-        start = self._first()
+        self.source = CandidateSource(self.problem, rng, self.threads, keep, elsewhere, self.seen.validity, self.time)
+        with self.time.pause():  # without points there is nothing to return
+            start = self._first()
+        self.time.reserve = self._reserve()
         self.d: OutputCovariance = output_covariance(self.problem, self._with_previous(start), self.threads)
         self._previous = [None if known is None else self.d.prepare(known) for known in self.over.previous]
         self.best = self._incumbent(start)
@@ -102,10 +116,10 @@ class PointSearch:
         """What points of the region determine together; the bound is then of that, for a design that determines as much."""
         if self.space is None:
             rng = np.random.default_rng([self.settings.seed, 3])
-            source = CandidateSource(self.problem, rng, self.threads, validity=self.seen.validity)
-            information = self._with_previous(
-                PointInformation.join([self.best.information, source.draw(self.tuning.space_candidates)])
-            )
+            source = CandidateSource(self.problem, rng, self.threads, validity=self.seen.validity, clock=self.time)
+            with self.time.pause():  # what there is time for, and a block at least
+                drawn = source.draw(self._space_candidates)
+            information = self._with_previous(PointInformation.join([self.best.information, drawn]))
             rows = self.d.prepare(information).sensitivity
             size = np.sqrt(np.square(rows).mean(axis=(0, 2), keepdims=True))  # as F may be of another D than that of the noise
             self.space = estimable(CandidateRows(rows / np.where(size > 0, size, 1.0)).triangle())
@@ -119,6 +133,8 @@ class PointSearch:
     def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         """Search until something ends it, and return why."""
         settings, idle = self.settings, 0
+        if progress is not None:
+            self.time.beat = lambda: progress(self._progress(self.trace[-1].iteration))
         try:
             for iteration in range(1, settings.max_iterations + 1):
                 exchanged = self._advance(iteration)
@@ -127,15 +143,40 @@ class PointSearch:
                 idle = 0 if exchanged else idle + 1
                 self._record(iteration, exchanged)
                 if progress is not None:
-                    most, seconds = settings.max_iterations, self.seconds
-                    progress(Progress(iteration, most, self.best.log_det, self._message(iteration, seconds), seconds))
+                    self.time.reported()
+                    progress(self._progress(iteration))
                 if settings.method.patience is not None and idle >= settings.method.patience:
                     return StopReason.patience
                 if self._late():
                     return StopReason.time_limit
+        except OutOfTime:
+            self._record(self.trace[-1].iteration + 1, False)
+            return StopReason.time_limit
         except KeyboardInterrupt:
             return StopReason.interrupted
         return StopReason.max_iterations
+
+    def _progress(self, iteration: int) -> Progress:
+        seconds = self.seconds
+        message = self._message(iteration, seconds)
+        return Progress(iteration, self.settings.max_iterations, self.best.log_det, message, seconds)
+
+    def _reserve(self) -> float:
+        """Seconds for what follows the search: its evaluation away from the prior mean, and what the design is compared with."""
+        limit, tuning = self.settings.method.time_limit or 0.0, self.tuning.limit
+        moved = self.time.cost("sensitivities", 4 * self.problem.n_unknowns * self.settings.n_experiments)
+        most = tuning.evaluation_share * limit
+        seconds = moved if moved < most else 0.0  # else it is left out
+        if self.settings.method.references:
+            seconds += min(
+                tuning.references_share * limit, self.time.cost("sensitivities", tuning.references) + tuning.bound_seconds
+            )
+        return seconds + tuning.least_share * limit
+
+    @property
+    def _space_candidates(self) -> int:
+        most = self.time.affordable("sensitivities", self.tuning.limit.space_share)
+        return int(min(self.tuning.space_candidates, max(LANES, most)))
 
     def _message(self, iteration: int, seconds: float) -> str:
         if iteration == self.settings.max_iterations:
@@ -149,12 +190,11 @@ class PointSearch:
         raise NotImplementedError
 
     def _late(self) -> bool:
-        limit = self.settings.method.time_limit
-        return limit is not None and self.seconds >= limit
+        return self.time.late()
 
     @property
     def seconds(self) -> float:
-        return time.perf_counter() - self.started
+        return self.time.seconds
 
     def _record(self, iteration: int, exchanged: bool) -> None:
         self.trace.append(TraceRecord(iteration, self.best.log_det, bool(exchanged), self.source.drawn, self.seconds))
@@ -196,7 +236,11 @@ class PointSearch:
             return None
         information = self._with_previous(self.best.information)
         d = output_covariance(self.problem, information, self.threads, "noise")
-        return evaluate_information(self.problem, information, d, self.threads, prior_rows(self.problem, self.settings.goal))
+        known = prior_rows(self.problem, self.settings.goal)
+        found = evaluate_information(self.problem, information, d, self.threads, known, self.time)
+        if found.covariance is not None and found.nearby is None:
+            self.left_out.append("standard errors away from the prior mean")
+        return found
 
     @property
     def count(self) -> int:
@@ -240,7 +284,14 @@ class PointSearch:
             ridge=self.ridge,
             ends=self.ends or (self.best.log_det,),
             again=self._again,
+            left_out=(*self._not_all_nodes(), *self.left_out),
         )
+
+    def _not_all_nodes(self) -> Iterator[str]:
+        plants, problem = self.seen.validity.plants, self.problem
+        if plants is not None:
+            nodes = counted(problem.rule.size(problem.prior), "node")
+            yield f"the {nodes} of the rule: points were tried on {plants} plants of the prior in their place"
 
     @property
     def worth(self) -> tuple[bool, int, float]:

@@ -195,7 +195,13 @@ class PoolSearch(PointSearch):
         return PoolExchange(columns, np.arange(count), self._fixed, self.over.average, self.criteria, self.tuning.exchange)
 
     def _ascended(self, design: PointInformation) -> PointInformation:
-        ascent = PointAscent(self.problem, self.source, self.d, self._fixed, self.threads, self.over, self.criteria, self.tuning)
+        tuning, free = self.tuning, int((self._upper > self._lower).sum())
+        trials = len(tuning.ascent.step_shares) * len(tuning.ascent.reach_factors)
+        each = len(design) * (free + trials) * len(self.over.problems)
+        if self.time.affordable("sensitivities", tuning.ascent_share) < each:
+            return design  # rounds gain more in that time
+        given = self.problem, self.source, self.d, self._fixed, self.threads, self.over, self.criteria, self.tuning
+        ascent = PointAscent(*given, self.time)
         ascended = ascent.run(design, self.tuning.ascent_iterations, self._late)
         before, after = self._numbers(design), self._numbers(ascended)
         moved = (before != after).any(axis=1)

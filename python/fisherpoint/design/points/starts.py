@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from ...basics.stop_reason import StopReason
+from ...basics.work_clock import Clock
 from ...engine.workers import Distributor
 from ...show.progress import Progress
 from ..results.settings import ExchangeSettings, seeds_of
@@ -14,8 +14,8 @@ from .candidate_archive import CandidateArchive
 from .point_search import PointSearch
 
 Report = Callable[[Progress], None]
-Make = Callable[[ExchangeSettings, int], PointSearch]
-"""From settings and a number of threads to a search."""
+Make = Callable[..., PointSearch]
+"""From settings and a number of threads, and a clock, to a search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +28,15 @@ class _WholeSearch:
     report: Report | None = None
 
     def __call__(self, seed: int) -> tuple[PointSearch, StopReason]:
-        search = self.make(replace(self.settings, seed=seed), self.threads)
-        return search, search.run(self.report)
+        clock, report = Clock(self.settings.method.time_limit), self.report
+        if report is not None:
+            clock.beat = lambda: report(Progress(0, self.settings.max_iterations, None, "drawing the first points", clock.seconds))
+            if clock.limited:
+                clock.beat()  # the first points may take seconds
+        search = self.make(replace(self.settings, seed=seed), self.threads, clock=clock)
+        ended = search.run(self.report)
+        clock.beat = None
+        return search, ended
 
 
 def best_of_starts(
@@ -53,7 +60,8 @@ def best_of_starts(
     KeyboardInterrupt
         Where workers have not ended the first start.
     """
-    begin, starts = time.perf_counter(), settings.method.starts
+    starts, limit = settings.method.starts, settings.method.time_limit
+    whole = Clock(None if limit is None else starts * limit)
     if starts == 1:
         return _WholeSearch(make, settings, threads, report)(settings.seed)
     best: PointSearch | None = None
@@ -72,7 +80,7 @@ def best_of_starts(
                 best, reason = better, ended if better is search else reason
             if report is not None:
                 message = f"best of {len(ends)} starts {best.best.log_det:.3f}"
-                report(Progress(len(ends), starts, best.best.log_det, message, time.perf_counter() - begin))
+                report(Progress(len(ends), starts, best.best.log_det, message, whole.seconds))
             if ended == StopReason.interrupted:
                 raise KeyboardInterrupt
     except KeyboardInterrupt:
@@ -82,5 +90,5 @@ def best_of_starts(
     assert best is not None and seen is not None
     seen.criteria = best.seen.criteria
     best.seen, best.settings, best.threads = seen, settings, threads
-    best.started, best.ends = begin, tuple(ends)
+    best.time, best.ends = whole, tuple(ends)
     return best, reason

@@ -118,10 +118,54 @@ class PaperSearchTuning:
 
 
 @dataclass(frozen=True)
+class TimeTuning:
+    """What a search for points does with a limit of time; shares are of the limit, unless they are of the time left."""
+
+    tried_per_point: int = 20
+    """Number of candidates that are tried on all nodes for each point of a design, about."""
+
+    evaluation_share: float = 0.1
+    """Largest share that is kept for the evaluation of the design away from the prior mean."""
+
+    references_share: float = 0.15
+    """Largest share that is kept for what the design is compared with."""
+
+    references: int = 2000
+    """Number of points of random designs that time is kept for."""
+
+    bound_seconds: float = 3.0
+    """Seconds that are kept for bounds, where the shares allow it."""
+
+    least_share: float = 0.03
+    """Share that is kept in any case."""
+
+    kept_for_references: float = 0.6
+    """Share of what is kept that the evaluation leaves for what the design is compared with."""
+
+    other_share: float = 0.6
+    """Share of the time left then that another search may take where D is another than R."""
+
+    random_share: float = 0.6
+    """Share of the time left then that random designs may take."""
+
+    space_share: float = 0.02
+    """Share for the random points that show whether another design would determine more parameters."""
+
+    bounds_of_sweep: float = 0.1
+    """Share that a sweep keeps for its bounds."""
+
+
+@dataclass(frozen=True)
 class PointSearchTuning:
     """The search for points of method "auto", in the order of its stages."""
 
     # The pool.
+    pool_share: float = 0.2
+    """Largest share of the time left that drawing candidates at the edges for one group takes, where the time is limited."""
+
+    pilot_share: float = 0.05
+    """Largest share of the time left for the pilot candidates."""
+
     edge_candidates: int = 400
     """Candidates at the edges of the region for each group, in units of M; half as many random ones."""
 
@@ -173,6 +217,9 @@ class PointSearchTuning:
     groups: int = 4
     """Number of groups: what one has missed another one has, and merging takes it over."""
 
+    group_times_left: float = 2.0
+    """Multiple of what the last group took that has to be left for another one, where the time is limited."""
+
     first_rounds: int = 4
     """Number of rounds of a group before candidates climb."""
 
@@ -180,6 +227,12 @@ class PointSearchTuning:
     """Candidates that climb in each group, in units of M."""
 
     climb: ClimbTuning = field(default_factory=lambda: ClimbTuning(rounds=18, shortened_per_point=6))
+
+    climb_share: float = 0.1
+    """Largest share of a limit of time that one climb takes, of as many candidates as that allows."""
+
+    climb_least_share: float = 0.25
+    """Share of the candidates that are wanted below which none climb."""
 
     climbing_survivors: float = 0.5
     """Share of the climbing candidates, the best, that goes on after half of the rounds."""
@@ -214,6 +267,9 @@ class PointSearchTuning:
     ascent_iterations: int = 20
     """Maximum number of iterations of an ascent of all numbers together."""
 
+    ascent_share: float = 0.03
+    """Largest share of a limit of time that one iteration of an ascent takes; with more there is no ascent."""
+
     ascent_difference_step: float = 1e-4
     """Step of a number for difference quotients, as a share of the region's width."""
 
@@ -239,6 +295,8 @@ class PointSearchTuning:
     """Number of distinct points above which no copies are made; pairs of more take long."""
 
     archive: ArchiveTuning = field(default_factory=ArchiveTuning)
+
+    limit: TimeTuning = field(default_factory=TimeTuning)
 
     space_candidates: int = 200
     """Number of random points used to check whether another design would determine more parameters."""

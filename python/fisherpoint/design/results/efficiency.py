@@ -8,7 +8,6 @@ quite the prior's.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -16,6 +15,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ...basics.values import Array
+from ...basics.work_clock import Clock, OutOfTime
 from ...engine import _core
 from ...information.candidates import LARGEST_BATCH, CandidateSource
 from ...information.output_covariance import OutputCovariance, output_covariance
@@ -159,22 +159,26 @@ def random_designs(
     seed: int,
     threads: int,
     previous: PointInformation | None = None,
-    time_limit: float | None = None,
+    clock: Clock | None = None,
     value: Callable[[Array], float] = _core.log_det,
 ) -> Array:
     """Log dets (n,) under the sensor noise of random designs that share no point, each beside the previous points.
 
     Their points are valid at the prior mean: on all nodes of the rule a design's own have to be, at many times the cost. As many
-    are drawn as determine the median to `MEDIAN_ERROR`, up to the time limit in seconds or `MOST_RANDOM_POINTS`, but 25 at least.
+    are drawn as determine the median to `MEDIAN_ERROR`, up to `MOST_RANDOM_POINTS`, but 25 at least; fewer where the clock says so.
     `value` may be another function of F than log det F.
     """
-    started, source = time.perf_counter(), CandidateSource(problem, np.random.default_rng([seed, 1]), threads)
+    clock = Clock() if clock is None else clock
+    source = CandidateSource(problem, np.random.default_rng([seed, 1]), threads, clock=clock)
     most = max(LEAST_RANDOM_DESIGNS, MOST_RANDOM_POINTS // n_experiments)
     group = int(np.clip(LARGEST_BATCH // n_experiments, 1, 4 * LEAST_RANDOM_DESIGNS))  # of designs that are drawn at once
     found: list[float] = []
     d = known = None
-    while len(found) < most and (time_limit is None or time.perf_counter() - started < time_limit or not found):
-        drawn = source.draw(group * n_experiments)
+    while len(found) < most:
+        try:
+            drawn = source.draw(group * n_experiments)
+        except OutOfTime:
+            break
         if d is None:
             d = output_covariance(
                 problem, drawn if previous is None else PointInformation.join([previous, drawn]), threads, "noise"

@@ -77,6 +77,8 @@ class FoundDesign(EvaluatedPoints):
     ridge : float
         Share of the prior's information that was added to F while designs of the search were singular, to compare them; 0 where
         none were. No figure of the design contains it.
+    left_out : tuple of str
+        What the time limit left no time for, such as random designs to compare with.
     """
 
     settings: ExchangeSettings
@@ -95,6 +97,7 @@ class FoundDesign(EvaluatedPoints):
     ridge: float = 0.0
     ends: tuple[float, ...] = ()
     again: int = 1
+    left_out: tuple[str, ...] = ()
 
     _EXTENTS: ClassVar[Extents] = {
         "points.x0": ("settings.n_experiments", "problem.model.states"),

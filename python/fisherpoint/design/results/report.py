@@ -288,6 +288,7 @@ def _search(design: FoundDesign) -> Section:
         ("seed, time", f"{settings.seed}, {design.seconds:.1f} s"),
     ]
     facts += ridge_facts(design.ridge)
+    facts += [("left out for lack of time", "; ".join(design.left_out))] if design.left_out else []
     if design.previous_left_out:
         lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
         facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))

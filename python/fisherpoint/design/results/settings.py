@@ -68,7 +68,8 @@ class ExchangeMethod(Options):
     patience : int, optional
         Stop after so many iterations in a row without an exchange.
     time_limit : float, optional
-        Stop a search after so many seconds. Of a sweep, for all sizes.
+        Return within so many seconds what is found by then, a tenth more at most (docs/how_to/time_limits.md); each start. Of a
+        sweep, for all sizes.
     references : bool
         Also find what the design is compared with (`Efficiency`).
     max_redraws : int

@@ -14,6 +14,7 @@ from ...basics.messages import listed, stacklevel_of_user
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
+from ...basics.work_clock import Clock
 from ...engine.workers import Workers, check_workers, distributed_over
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_beside
@@ -35,11 +36,11 @@ from ..goal.scenario_average import Average
 from ..results.found_design import DRAWS, UNSEEN
 from ..results.scenario_values import scenario_values
 from ..results.settings import RunSettings
-from .run_clock import Clock
 from .run_design import RunDesign
 from .run_groups import RunGroup, best_of_groups
 from .run_references import ClassicalRuns
 from .run_search import RunSearch
+from .tuning import RunSearchTuning
 
 
 @with_options
@@ -87,8 +88,8 @@ def design_runs(
         The same seed gives the same design to the last bit, on any machine and with any number of threads and workers, unless a
         time limit ends the search.
     time_limit : float, optional
-        Seconds after which the search returns what it has, a safety net; of workers, each
-        search. The work is set by `n_starts` and `n_candidates`.
+        Seconds in which the search returns what it has by then, a tenth more at most (docs/how_to/time_limits.md); of workers, each
+        search. Without it the work is set by `n_starts` and `n_candidates`.
     threads : int, optional
         Default: every core.
     workers : int, Executor or Dask client, optional
@@ -124,6 +125,7 @@ def design_runs(
     goal = settings.goal
     check_progress(progress)
     clock = Clock(settings.time_limit)
+    clock.reserve = RunSearchTuning().reserved_share * (settings.time_limit or 0.0)
     check_workers(workers)
     given_threads, threads = check_threads(threads), resolve_threads(threads)
     problems, average = ((problem,), Average.of_all(1)) if goal.over is None else moved_problems(problem, goal.over)
@@ -142,6 +144,10 @@ def design_runs(
         there = there + np.array([_information_of_kept(moved, kept, threads) for moved in problems])
     there = there + known_beforehand(problem, goal)
     with following(progress, "start", "drawing the first runs") as report:
+        if report is not None:
+            clock.beat = lambda: report(Progress(0, settings.n_starts, None, "drawing the first runs", clock.seconds))
+            if clock.limited:
+                clock.beat()  # the first runs may take seconds
         group = RunGroup(
             problem,
             region,
@@ -163,7 +169,8 @@ def design_runs(
             )
         end = _judged(search, kept, stop_reason)
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
-        evaluation = evaluate_beside(problem, runs, threads, known, prior_rows(problem, goal))
+        search.clock.reserve = 0.0
+        evaluation = evaluate_beside(problem, runs, threads, known, prior_rows(problem, goal), search.clock)
         if goal.requires_all and evaluation.null_directions and stop_reason == StopReason.completed:
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     scenarios = None
@@ -227,7 +234,7 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
 
     def on_unseen(runs: Runs) -> Feasibility:
         seed = search.seed + UNSEEN
-        return feasibility_within(search.problem, _with_kept(kept, runs), DRAWS, seed, search.threads, search.clock.over)
+        return feasibility_within(search.problem, _with_kept(kept, runs), DRAWS, seed, search.threads, search.clock)
 
     z, runs, value = search.best.z, search.planned(search.best), search.best.value
     try:
@@ -238,6 +245,9 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
     classical: dict[str, ClassicalRuns] = {}
     try:
         for name, found in search.classical.items() if not search.singular else ():
+            if search.clock.late():
+                reason = StopReason.time_limit
+                break
             same = found is search.best
             own = runs if same else search.planned(found)
             of_plants = tried if same else on_unseen(own)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...basics.work_clock import OutOfTime
 from .linear_rows import LinearRows
-from .run_clock import OutOfTime
 from .run_objective import RunObjective
 from .run_slopes import linear_rows
 

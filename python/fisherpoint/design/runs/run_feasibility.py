@@ -9,11 +9,12 @@ from __future__ import annotations
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...basics.work_clock import LANES, Clock, OutOfTime
 from ...points.runs import Runs
 from ..results.found_design import DRAWS
-from .run_clock import Clock
 from .run_objective import RunObjective
 from .sampled_plants import RunPlants
 from .tuning import RunSearchTuning
@@ -63,18 +64,43 @@ class RunGuard:
         able = tried = 0
         for first in range(0, len(self._plants), each):
             some = slice(first, first + each)
-            one = self._plants.can_run(runs, some) & self._able[some]
+            one = self._can_run(runs, some)
             able, tried = able + int(one.sum()), tried + len(one)
             lost = 1 - able / tried
             hopeless = any(tried >= count and lost > times * max(self.most, 1 / count) for count, times in tuning.hopeless)
-            if hopeless or self.clock.late() or self.clock.over():
+            few = self.clock.affordable("plants", tuning.guard_share) / len(runs)
+            if hopeless or tried >= few or self.clock.late() or self.clock.over():
                 break
         self.clock.reserve = max(self.clock.reserve, tuning.reserved_time * DRAWS * (self.clock.seconds - began) / tried)
         return able / tried
 
+    def _can_run(self, runs: Runs, some: slice) -> NDArray[np.bool_]:
+        """Which of some plants can run a design, of the first ones where there is no time for all."""
+        found = list[NDArray[np.bool_]]()
+        count = len(range(len(self._plants))[some])
+        try:
+            for block in self.clock.blocks("plants", count, len(runs)):
+                own = slice(some.start + block.start, some.start + block.stop)
+                found.append(self._plants.can_run(runs, own) & self._able[own])
+                if some.start + block.stop >= self.clock.affordable("plants", self._tuning.guard_share) / len(runs):
+                    break
+        except OutOfTime:
+            if not found:
+                raise
+        return np.concatenate(found)
+
     def each(self, runs: Runs) -> Array:
         """The share of some plants that can run each of some runs by itself, (K,)."""
-        return np.asarray(self._plants.outputs(runs, slice(self._tuning.plants_at_once))[1].mean(axis=0))
+        most = self.clock.affordable("plants", self._tuning.guard_share) / max(1, len(runs))
+        count = int(min(self._tuning.plants_at_once, len(self._plants), max(LANES, most)))
+        found = list[NDArray[np.bool_]]()
+        try:
+            for some in self.clock.blocks("plants", count, len(runs)):
+                found.append(self._plants.outputs(runs, some)[1])
+        except OutOfTime:
+            if not found:
+                raise
+        return np.asarray(np.concatenate(found).mean(axis=0))
 
     def enough(self, share: float) -> bool:
         """Whether a share of the plants is enough."""

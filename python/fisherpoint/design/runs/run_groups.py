@@ -9,6 +9,7 @@ import numpy as np
 
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array
+from ...basics.work_clock import Clock
 from ...engine.workers import Distributor
 from ...information.problem import DesignProblem
 from ...points.run_region import RunRegion
@@ -17,7 +18,6 @@ from ...show.progress import Progress
 from ..goal.criteria import Criterion
 from ..goal.scenario_average import Average
 from ..results.settings import RunSettings, seeds_of
-from .run_clock import Clock
 from .run_search import RunSearch
 
 Report = Callable[[Progress], None]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array, IntArray
+from ...basics.work_clock import Clock
 from ...information.problem import DesignProblem
 from ...information.run_information import information_matrices
 from ...information.run_tangents import RunTangents, run_tangents, tangents_from
@@ -23,7 +24,6 @@ from ...points.settings import Integration
 from ...points.status import Status
 from ..goal.criteria import Criterion
 from ..goal.scenario_average import Average
-from .run_clock import Clock
 from .run_margins import RunMargins, costs_of
 from .tried_runs import TriedRuns
 from .tuning import RunSearchTuning
@@ -205,25 +205,37 @@ class RunObjective:
         """Whether runs pay for coming near limits."""
         return self.kappa > 0 and self.margins.exist
 
-    def in_parts(self, function: Callable[[slice], T], count: int) -> list[T]:
+    def in_parts(self, function: Callable[[slice], T], count: int, kind: str = "tangents") -> list[T]:
         """What a function makes of each part of `count` runs; no run's result depends on the others of its part."""
+        clock = self.clock
         self.work += count * len(self.plants) * self.coordinates.segments
         least, most = (-(-rows // len(self.plants)) for rows in self._rows)
         each = min(max(-(-count // self._threads), least), most)
         if self.coordinates.clock is not None:
             parts_of_run = self.coordinates.parts(self.looks if self.costly else 1) * len(self.plants)
             each = min(each, max(1, self.tuning.most_parts_at_once // parts_of_run))
+        lanes = len(self.plants)
+        each = min(each, clock.size(kind, lanes, least=self.tuning.least_runs_at_once)) if clock.measures else each
+        ahead = clock.cost(kind, each * lanes)
         parts = [slice(first, min(first + each, count)) for first in range(0, count, each)]
 
         def timed(some: slice) -> T:
-            self.clock.check()
-            return function(some)
+            clock.check_in_thread(ahead)
+            began = clock.seconds if clock.measures else 0.0
+            found = function(some)
+            if clock.measures:
+                clock.measured(kind, (some.stop - some.start) * lanes, clock.seconds - began)
+            return found
+
+        def reported(found: T) -> T:
+            clock.report()
+            return found
 
         if self._pool is None or len(parts) == 1:
-            return [timed(part) for part in parts]
+            return [reported(timed(part)) for part in parts]
         waiting = [self._pool.submit(timed, part) for part in parts]
         try:
-            return [one.result() for one in waiting]
+            return [reported(one.result()) for one in waiting]
         except BaseException:
             for one in waiting:
                 one.cancel()
@@ -244,7 +256,7 @@ class RunObjective:
             first, each = np.argmin(ends, axis=0), np.arange(len(runs))
             return Lasted(ends[first, each], status[first, each], first)
 
-        parts = self.in_parts(part, len(z))
+        parts = self.in_parts(part, len(z), "states")
         return Lasted(*(np.concatenate([one[k] for one in parts]) for k in range(3)))
 
     def on_plants(self, runs: Runs) -> tuple[Runs, Array]:

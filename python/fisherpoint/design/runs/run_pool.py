@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...basics.work_clock import OutOfTime
 from ...information.null_space import information_without_rounding, null_directions
 from ...points.broken_limits import statuses_in_words
 from ...points.runs import Runs
 from ..goal.estimable_space import RIDGE, SINGULAR
-from .run_clock import OutOfTime
 from .run_feasibility import RunGuard
 from .run_objective import Judged, Lasted, RunObjective
 from .run_profiles import Profile, draw_runs
@@ -98,6 +98,9 @@ class RunPool:
         while len(self) < wanted and self.drawn < tuning.most_drawn_per_wanted * wanted:
             drawn = draw_runs(objective.coordinates, wanted, rng, profiles)
             while len(drawn) and len(self) < wanted:
+                if objective.clock.limited:  # what the time cuts off is lost
+                    affordable = objective.clock.size("tangents", len(objective.plants), least=tuning.least_runs_at_once)
+                    size = min(size, max(tuning.first_batch, affordable))
                 part, drawn = drawn[:size], drawn[size:]
                 objective.clock.paused = needed and not self._parts
                 lasted = objective.lasted(part)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...basics.values import Array
-from .run_clock import OutOfTime
+from ...basics.work_clock import OutOfTime
 from .run_objective import RunObjective
 from .run_pool import RunPool
 from .run_profiles import CLASSICAL

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
+from ...basics.work_clock import Clock, OutOfTime
 from ...information.fewer_samples import with_fewer_samples
 from ...information.problem import DesignProblem
 from ...information.run_information import run_rows
@@ -36,7 +37,6 @@ from ..results.settings import RunSettings
 from .reached_runs import ReachedRuns
 from .run_approach import approach
 from .run_climb import Climb
-from .run_clock import Clock, OutOfTime
 from .run_feasibility import RunGuard
 from .run_objective import RunObjective
 from .run_pool import RunPool, determine_all
@@ -114,6 +114,7 @@ class RunSearch:
         self._other_ends: list[ReachedRuns] = []
         self.classical: dict[str, ReachedRuns] = {}
         self._found: list[ReachedRuns] = []
+        self._costly = False
         most = tuning.most_pool_segments // (region.segments * len(plants))
         wanted = max(4 * n_runs, 20, min(settings.n_candidates, most))
         clock.share = tuning.time_shares[0]
@@ -190,6 +191,8 @@ class RunSearch:
     def run(self, progress: Callable[[Progress], None] | None) -> StopReason:
         """Search to the end, or until it is late or interrupted; there are runs then in any case."""
         reason = StopReason.completed
+        if progress is not None:
+            self.clock.beat = lambda: progress(self._progress("searching"))
         try:
             if self.pool.interrupted:
                 raise KeyboardInterrupt
@@ -199,27 +202,39 @@ class RunSearch:
             reason = StopReason.interrupted
         except OutOfTime:
             reason = StopReason.time_limit
-        self.clock.paused = True
         if not self._found:
-            z = self.pool.chosen(self.n_runs, self._rng)
-            self._tried(z, self._chosen_samples(z))
-        self.clock.paused = False
+            with self.clock.pause():  # without runs there is nothing to return
+                z = self.pool.chosen(self.n_runs, self._rng)
+                self._tried(z, self._chosen_samples(z))
+        self.clock.beat, self.clock.share = None, 1.0
+        self.clock.reserve = self.clock.cost("tangents", self.n_runs)  # of the evaluation
         return reason
 
     def _begin(self) -> None:
         """Evaluate classical runs, and set how far runs keep from limits at first."""
         objective = self.objective
+        easy: bool | None = None
+        self._costly = self.clock.costly("tangents", self.tuning.costly_runs * len(objective.plants))
+        if self._costly:  # what follows may take all of the time
+            with self.clock.pause():
+                z = self.pool.chosen(self.n_runs, self._rng)
+                easy = self._tried(z, self._chosen_samples(z)).feasible
+            self.clock.reserve = max(self.clock.reserve, 2 * self.clock.cost("tangents", self.n_runs))
         if objective.problem.model.in_core:
             self.clock.share = self.tuning.time_shares[1]
             for name, z in classical_runs(objective, self.n_runs, self.seed).items():
                 self.clock.share = 1.0
                 self.classical[name] = self._tried(z, self._chosen_samples(z))
         self.clock.share = 1.0
-        if self._easy():
+        if easy is None:
+            with self.clock.part(self.tuning.tightened_share):
+                easy = self._easy()
+        if easy:
             self.guard.first = 0.0
         else:
             objective.kappa = self.guard.first
-            self.pool.tighten(self._rng)
+            with self.clock.part(self.tuning.tightened_share):
+                self.pool.tighten(self._rng)
         self.clock.check()
 
     def _easy(self) -> bool:
@@ -233,8 +248,8 @@ class RunSearch:
 
         def report(one: Climb) -> None:
             if progress is not None and one.last is not None:
-                message = f"log det {one.last.value:.3f}, best {self.best.value:.3f}"
-                progress(Progress(len(self.ends), self.n_starts, self.best.value, message, self.clock.seconds))
+                self.clock.reported()
+                progress(self._progress(f"log det {one.last.value:.3f}, best {self.best.value:.3f}"))
 
         starts = [self.pool.chosen(self.n_runs, self._rng) for _ in range(self.n_starts)]
         starts += [found.z for found in self.classical.values()]
@@ -242,7 +257,7 @@ class RunSearch:
         order = np.argsort(-worth, kind="stable")[: self.n_starts]
         ways = self._tried, self._chosen_samples, self._others, self._rng
         self._climbs = [Climb(self.objective, self.guard, starts[k], *ways) for k in order]
-        if (able := self._able_start()) is not None:
+        if not self._costly and (able := self._able_start()) is not None:
             self._climbs[-1] = Climb(self.objective, self.guard, able, *ways, kappa=self._kappa_of(able))
         self.clock.share = self.tuning.time_shares[2]
         try:
@@ -260,8 +275,14 @@ class RunSearch:
         max(self._climbs, key=lambda one: (-np.inf,) if one.best is None else one.best.worth).go_on()
         self._approach()
 
+    def _progress(self, message: str) -> Progress:
+        value = self.best.value if self._found else None
+        return Progress(len(self.ends), self.n_starts, value, message, self.clock.seconds)
+
     def _approach(self) -> None:
         """Go from the best runs that enough plants can run towards better ones, where limits matter."""
+        if not self._found:
+            return
         best = self.best
         if self.guard.first == 0 or self.region.samples is not None or not best.feasible:
             return

@@ -142,6 +142,8 @@ def _variables(objective: RunObjective, count: int, size: int, rng: np.random.Ge
     variable[:, common] = np.arange(len(common))
     variable[:, own] = len(common) + np.arange(count * len(own)).reshape(count, -1)
     n, most = len(common) + count * len(own), max(1, objective.tuning.most_slopes // max(1, size))
+    affordable = objective.clock.affordable("tangents", objective.tuning.slopes_share) / len(objective.plants)
+    most = int(min(most, max(objective.tuning.least_slopes, affordable)))
     if n > most:
         kept = np.zeros(n, dtype=bool)
         kept[rng.permutation(n)[:most]] = True

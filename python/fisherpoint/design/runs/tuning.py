@@ -81,6 +81,9 @@ class RunSearchTuning:
     most_tightened: int = 128
     """Maximum number of the pool's best runs that are brought further inside."""
 
+    tightened_share: float = 0.2
+    """Largest share of the time left for that, and for a look at whether limits matter, where the time is limited."""
+
     # Runs that leave a limit, brought back within it.
     halvings_within: int = 9
     """Number of halvings of the share of a run that is kept."""
@@ -144,6 +147,12 @@ class RunSearchTuning:
 
     many_samples: float = 2.0
     """Number of rows over what they and their slopes can span, from which on they are replaced by as many as that."""
+
+    slopes_share: float = 0.1
+    """Largest share of a limit of time that the slopes of one iteration take; where all take more, some numbers stay."""
+
+    least_slopes: int = 8
+    """Number of numbers whose slopes are taken in any case."""
 
     trajectory_rtol: float = 1e-6
     """Largest relative tolerance of the trajectories that differences are taken of."""
@@ -244,6 +253,9 @@ class RunSearchTuning:
     most_rows_at_once: int = 64
     """Maximum number of them: few enough for its cache."""
 
+    least_runs_at_once: int = 16
+    """Number of runs that are computed at once under a limit of time, however long they take: fewer take as long."""
+
     most_parts_at_once: int = 200_000
     """Maximum number of parts between samples that one thread computes at once, so that memory stays bounded."""
 
@@ -262,8 +274,17 @@ class RunSearchTuning:
     hopeless: tuple[tuple[int, float], ...] = ((250, 3.0), (1000, 1.5))
     """Numbers of plants after which a run is given up, and the factors on the most that may fail at each."""
 
+    reserved_share: float = 0.1
+    """Least share of a limit of time that is kept for what follows the search."""
+
+    costly_runs: int = 10
+    """Number of runs that take more than a block of the time from which on one is tried on the plants before anything else."""
+
     reserved_time: float = 8.0
     """Factor on the measured time of the plants that judge a design in the end: classical runs are judged too."""
+
+    guard_share: float = 0.03
+    """Largest share of a limit of time that one look at the plants takes."""
 
     runs_looked_at: int = 5
     """Number of the pool's best runs that are tried on the plants, to see whether limits matter."""

@@ -16,6 +16,7 @@ from ...basics.extras import needed_for
 from ...basics.options import with_options
 from ...basics.result_files import Kept
 from ...basics.stop_reason import StopReason
+from ...basics.work_clock import Clock, OutOfTime
 from ...engine.workers import Workers, check_workers, distributed_over
 from ...information.evaluation import Evaluation
 from ...information.point_information import PointInformation
@@ -35,6 +36,7 @@ from ..points.exchange import check_determined, scenarios_of
 from ..points.point_search import PointSearch
 from ..points.size_search import SizedSearches
 from ..points.starts import best_of_starts
+from ..points.tuning import TimeTuning
 from ..results.cost import Cost
 from ..results.settings import MOST, ExchangeMethod, ExchangeSettings, SearchLimits, check_goal, method_of, most_iterations
 from .sweep_record import SizedDesign, SweptDesigns, log_det_of
@@ -164,7 +166,10 @@ def sweep(
     known, _ = previous_information(problem, previous, threads)
     scenarios = None if goal.over is None else scenarios_of(problem, settings, previous, None, known, threads)
     of_prior = known_beforehand(problem, goal)
-    seen = CandidateArchive(problem, threads, of_prior=of_prior)
+    clock = Clock(method.time_limit)
+    tuning = TimeTuning()
+    clock.reserve = tuning.bounds_of_sweep * (method.time_limit or 0.0)
+    seen = CandidateArchive(problem, threads, of_prior=of_prior, clock=clock, expected=tuning.tried_per_point * sizes[-1])
     searches = SizedSearches(problem, known, seen, scenarios)
     found: list[_Found] = []
     space, ridge, criteria = None, 0.0, seen.criteria
@@ -178,7 +183,7 @@ def sweep(
             for size in sizes:
                 of_size, limit = replace(settings, n_experiments=size), method.time_limit
                 if limit is not None:  # what is left of it
-                    left = max(limit - (time.perf_counter() - started), NO_TIME)
+                    left = max((1.0 - tuning.bounds_of_sweep) * limit - clock.seconds, NO_TIME)
                     of_size = replace(of_size, method=replace(method, time_limit=left))
                 begun = None if report is None else partial(_report, report, size, len(found), len(sizes), started)
                 search, ended = best_of_starts(searches.make(of_size), of_size, threads, distributor, begun)
@@ -199,6 +204,8 @@ def sweep(
                 if ended == StopReason.time_limit:
                     stop_reason = StopReason.time_limit
                     break
+    except OutOfTime:
+        stop_reason = StopReason.time_limit
     except KeyboardInterrupt:
         stop_reason = StopReason.interrupted
         if not found:
@@ -207,7 +214,7 @@ def sweep(
             stop_reason = StopReason.interrupted_first  # who interrupts wants an end: nothing is proven of this one
             found.append(_found(search))
     level = None if space is None or not len(space.null) else determined(problem, space)
-    seen.criteria = criteria
+    seen.criteria, clock.reserve = criteria, 0.0
     designs, bound = [], None
     for information, evaluation, criterion, maximised in found:
         own = level if maximised is None else criterion.level
@@ -215,7 +222,10 @@ def sweep(
         # Beside what is known it depends on the size.
         afresh = bound is None or known is not None or of_prior.any()
         if afresh and stop_reason != StopReason.interrupted_first and np.isfinite(value):
-            bound = seen.bound(information, known) if scenarios is None else seen.bound_over(information, known, scenarios)
+            try:
+                bound = seen.bound(information, known) if scenarios is None else seen.bound_over(information, known, scenarios)
+            except OutOfTime:
+                bound = None
         points = information.experiments
         at_most = None if bound is None or not np.isfinite(value) else max(bound.log_det, value)
         costs = None if cost is None else cost.of(points, problem.model)
@@ -237,7 +247,8 @@ def sweep(
 
 def _report(report: Callable[[Progress], None], size: int, done: int, sizes: int, started: float, now: Progress) -> None:
     """Report the search for one size as a part of all."""
-    report(Progress(done, sizes, now.value, f"{size} points, log det {now.value:.3f}", time.perf_counter() - started))
+    far = now.message if now.value is None else f"log det {now.value:.3f}"
+    report(Progress(done, sizes, now.value, f"{size} points, {far}", time.perf_counter() - started))
 
 
 class _Found(NamedTuple):
