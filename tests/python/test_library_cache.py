@@ -314,6 +314,12 @@ def test_processes_that_build_the_same_at_once(library: Path, cache: Path, tmp_p
     assert entry(cache).suffix == ".so"
 
 
+def heed_signals() -> None:
+    """As in a shell's foreground: its background jobs start with SIGINT ignored, and those of nohup with SIGHUP."""
+    for one in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(one, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL, signal.SIGHUP])
 def test_a_signal_ends_the_compilers_too(sent: int, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     of_its_own = "echo > $TMPDIR/of_a_compiler.s"
@@ -327,7 +333,7 @@ def test_a_signal_ends_the_compilers_too(sent: int, cache: Path, tmp_path: Path,
         env=environment,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs start with it ignored
+        preexec_fn=heed_signals,
     )
     deadline = time.monotonic() + 540  # before the stand-in ends by itself: how busy the machine is decides nothing
     while not (tmp_path / "started").exists() or len((tmp_path / "started").read_text().split()) < 2:

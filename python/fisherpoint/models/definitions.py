@@ -52,6 +52,8 @@ def let(name: str, value: Any) -> Any:
     ...     drag = fp.let("drag", p.c * x.v * abs(x.v))
     ...     return [(u.u - drag) / p.m], [x.v]
     """
+    if not isinstance(name, str):
+        raise TypeError(f"let: expected a name as text, given {shown(name)}")
     checked_quantity_name(name, "let")
     term = as_term(value)
     if term is None:
