@@ -106,8 +106,8 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     taken.resets.clear();
     auto reset = integrator.resets().begin();
     auto hold = integrator.holds().begin();
-    std::size_t n = 0, last = steps.size();  // past the last step that this lane took
-    while (last > 0 && lanes_of<P>::get(steps[last - 1].size, lane) == 0.0) --last;
+    std::size_t n = 0;
+    double behind = 0.0;  // an instant behind the last step that this lane took
     for (const auto& step : steps) {
       double instant = 0.0;
       for (; hold != integrator.holds().end() && hold->step <= n; ++hold)
@@ -116,19 +116,23 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
         if (const double which = lanes_of<P>::get(reset->which, lane); which > 0.0)
           taken.resets.push_back({which, static_cast<int>(lanes_of<P>::get(reset->surface, lane))});
       ++n;
-      double size = lanes_of<P>::get(step.size, lane);
-      if (size == 0.0) {  // or all that is left behind a jump, which it has come to in the last instant
-        bool met = false;
-        for (int m = 0; m < shape.jumps_end && n > last && last > 0; ++m)
-          met = met || lanes_of<P>::get(step.side[m], lane) != taken.runs.back().side[m];
-        if (!met) continue;
-        size = least_tail * lanes_of<P>::get(pack.dt, lane);
-      }
+      const double size = lanes_of<P>::get(step.size, lane);
+      behind = size == 0.0 ? std::max(behind, instant) : 0.0;
+      if (size == 0.0) continue;
       for_each_part(lanes_of<P>::get(step.growth, lane), [&](double share) {
         taken.push_back(share * size, of_lane(step.side, shape.sides, lane), lanes_of<P>::get(step.implicit, lane), Steep::no,
                         taken.resets.size());
       });
       if (instant > 0.0) taken.runs.back().instant = instant;
+    }
+    // All that is left behind a jump, which it has come to in the last instant.
+    bool met = false;
+    for (int m = 0; m < shape.jumps_end && !taken.runs.empty(); ++m)
+      met = met || lanes_of<P>::get(steps.back().side[m], lane) != taken.runs.back().side[m];
+    if (met) {
+      taken.push_back(least_tail * lanes_of<P>::get(pack.dt, lane), of_lane(steps.back().side, shape.sides, lane),
+                      lanes_of<P>::get(steps.back().implicit, lane), Steep::no, taken.resets.size());
+      if (behind > 0.0) taken.runs.back().instant = behind;
     }
     taken.starts_at_limit = lanes_of<P>::get(starts_at_limit, lane);
     taken.starts_on.clear();
