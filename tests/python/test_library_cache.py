@@ -340,10 +340,10 @@ def test_a_signal_ends_the_compilers_too(sent: int, cache: Path, tmp_path: Path,
         assert time.monotonic() < deadline
         time.sleep(0.05)
     process.send_signal(sent)
-    told = process.communicate(timeout=540)[1]
+    errors = process.communicate(timeout=540)[1]
     assert not cache.exists()
     if sent == signal.SIGINT:
-        assert told.strip().endswith("KeyboardInterrupt") and not list(temporary.iterdir())
+        assert errors.strip().endswith("KeyboardInterrupt") and not list(temporary.iterdir())
     while any(map(is_running, (tmp_path / "started").read_text().split())) or list(temporary.iterdir()):
         assert time.monotonic() < deadline
         time.sleep(0.05)

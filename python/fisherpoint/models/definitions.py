@@ -38,7 +38,7 @@ def let(name: str, value: Any) -> Any:
     Returns
     -------
     term
-        To be used in the place of the value.
+        To be used in place of the value.
 
     Raises
     ------

@@ -62,7 +62,7 @@ def _with_names(written: WrittenEquations, naming: _Naming) -> WrittenEquations:
 
 
 class _Naming:
-    """Puts symbols in place of parts that occur more than once, and of such as are too long or too deep."""
+    """Puts symbols in place of parts that occur more than once, are too long, or are nested too deep."""
 
     def __init__(self, roots: list[Any], taken: set[str]) -> None:
         self.made: dict[Any, Any] = {}

@@ -287,7 +287,7 @@ class Runs(InNotebooks):
         return first, np.asarray(of.reshape(-1), dtype=np.intp)
 
     def _samples(self, run: int) -> Hashable:
-        """Key of what is done in a run, of which segments are measured, and which of the outputs, where these are not all."""
+        """Key of what is done in a run: its segments, those that are measured, and their outputs where these are not all."""
         flags, all_of = self.readings[run], self.measured[run]
         alike = bool((flags == all_of[:, None]).all())
         return self.key(run), np.flatnonzero(all_of).tobytes(), b"" if alike else np.flatnonzero(flags).tobytes()

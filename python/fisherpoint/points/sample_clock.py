@@ -83,7 +83,7 @@ class SampleClock(NamedTuple):
     outputs : ndarray of bool, (S, n_y), or None
         Which outputs are measured at each; None where all are.
     every : float or None
-        The period, s, of which the instants are all multiples; None where they are others.
+        The period, s, where all instants are multiples of one; else None.
     """
 
     instants: Array

@@ -1,6 +1,6 @@
 // What depends on what in a model: which entries f_x, f_theta and S have at all, whatever the numbers.
 //
-// Of a compiled model the types tell (dual.hpp), so all of this is known to the compiler. Sets of variables are bit masks; of a
+// Types show it of a compiled model (dual.hpp), so all of this is known to the compiler. Sets of variables are bit masks; of a
 // tape they may be larger (variable_sets.hpp).
 #pragma once
 

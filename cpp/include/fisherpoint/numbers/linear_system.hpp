@@ -39,7 +39,7 @@ class LinearSystem {
     else
       full_->clear();
   }
-  // Where an entry of the matrix is, of which the order knows, and the entry.
+  // Where an entry of the matrix is, which must be one of the order's, and the entry.
   int place(int i, int k) const { return order_ ? order_->number(i, k) : i * n_ + k; }
   T& at(int place) { return order_ ? given_[place] : full_->entries()[place]; }
 
