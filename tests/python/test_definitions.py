@@ -176,7 +176,7 @@ MISTAKES: dict[str, Callable[[], Any]] = {
     r"definitions: expected a mapping of names to terms, given \['a'\]": lambda: car(definitions=["a"]),
     r"let: expected a term for a, given None": lambda: fp.let("a", None),
     r"let\.'2a': expected a name of letters": lambda: fp.let("2a", 1.0),
-    r"let\.None: expected a name of letters.*given 3": lambda: fp.let(3, 1.0),  # type: ignore[arg-type]
+    r"let: expected a name as text, given 3": lambda: fp.let(3, 1.0),  # type: ignore[arg-type]
     r"<lambda>, line 1: let: expected a term for a, given the condition .*: write where": decorated(
         lambda x, u, p: ([fp.let("a", x.v > 0)], [x.v])
     ),
