@@ -113,18 +113,58 @@ def test_points_have_the_information_of_the_whole_covariance(noise: Any, of_devi
     np.testing.assert_allclose(list(found.values()), of_whole, rtol=1e-8)
 
 
-@pytest.mark.parametrize("noise", OTHERS.values(), ids=OTHERS.keys())
-def test_rounded_and_limited_sensors_inform_as_their_readings_do(noise: Any) -> None:
+def weight(w: Any, y: Array, spread: Array, limited: bool) -> Array:
+    """The information of a reading for searches, by 4,000 places of a normal output."""
+    places = ndtri((np.arange(4000) + 0.5) / 4000)
+    if limited:
+        known = np.square(spread) * np.array([w(y + place * spread) for place in places])
+        return np.asarray((1 / np.mean(1 / (1 + known), axis=0) - 1) / np.square(spread))
+    return np.asarray(np.mean([w(y + place * spread) for place in places], axis=0))
+
+
+@pytest.mark.parametrize("limits", [(None, None), (None, 0.9), (0.2, 0.9)])
+def test_f_has_the_mean_over_steps_and_what_limits_leave(limits: Any) -> None:
+    noise = {"y": fp.Noise(0.03, limits=limits) if any(limits) else fp.Noise(0.01, resolution=0.03), "z": 0.02}
     given, at = of_runs(noise=noise, rtol=1e-11), runs()
     y, j, _, _ = tangents(given, at)
+    j = j[at.measured] * np.array(list(given.prior.std.values()))
+    of = Sensors.of(noise, ("y", "z"))
+    spread = np.sqrt(np.square(j).sum(axis=2))
+    w = weight(of.precision, y[at.measured], spread, any(limits))
+    f = np.einsum("si,sia,sib->ab", np.where([True, False], w, 1 / 0.02**2), j, j)
+    np.testing.assert_allclose(fp.evaluate(given, at).information, f, rtol=3e-3 if any(limits) else 1e-4)
+
+
+@pytest.mark.parametrize("noise", OTHERS.values(), ids=OTHERS.keys())
+def test_standard_errors_of_rounded_and_limited_sensors_are_means_over_the_prior(noise: Any) -> None:
+    """By 20,000 independent draws of the parameters, beside the prior what the mean information does not say."""
+    given, at = of_runs(noise=noise, rtol=1e-11), runs()
+    y, j, _, _ = tangents(given, at)
+    y, j = y[at.measured], j[at.measured] * np.array(list(given.prior.std.values()))
+    of, rng = Sensors.of(noise, ("y", "z")), np.random.default_rng(3)
+    f = np.array([np.einsum("si,sia,sib->ab", of.precision(y + j @ rng.standard_normal(2)), j, j) for _ in range(20_000)])
+    mean, beside = f.mean(axis=0), np.eye(2)
+    expected = np.linalg.inv(mean) + np.linalg.inv(f + beside).mean(axis=0) - np.linalg.inv(mean + beside)
+    found = fp.evaluate(given, at)
     std = np.array(list(given.prior.std.values()))
-    spread = np.sqrt(np.square(j * std).sum(axis=3))  # over the prior
-    of, places = Sensors.of(noise, ("y", "z")), ndtri((np.arange(32) + 0.5) / 32)
-    reach = spread if of.uneven.all() else np.minimum(spread, [2 * 0.03, 0.0])  # steps of y alone: the average is periodic
-    w = np.mean([of.precision(y + place * reach) for place in places], axis=0)[at.measured]
-    f = np.einsum("si,sia,sib->ab", w, j[at.measured], j[at.measured])
-    np.testing.assert_allclose(list(fp.evaluate(given, at).standard_errors.values()), np.sqrt(np.diag(np.linalg.inv(f))), rtol=1e-8)
-    assert (w < 0.7 / np.square(0.01)).any()  # what the resolution or the limit takes counts
+    np.testing.assert_allclose(np.array(list(found.standard_errors.values())) / std, np.sqrt(np.diag(expected)), rtol=0.01)
+    np.testing.assert_allclose(found.covariance, np.outer(std, std) * expected, rtol=0.03)
+    promised = fp.validate(given, at, runs=2).designs["design"].parameters
+    for name, error in found.standard_errors.items():
+        assert promised[name].promised == pytest.approx(error, rel=1e-6)
+
+
+def test_replicates_of_a_coarse_reading_are_promised_what_they_can_keep() -> None:
+    """All lie at one place of a step: the error is that of a single place, averaged over the step."""
+    given = problem(noise={"y": fp.Noise(0.01, resolution=0.06), "z": fp.Noise(0.01, resolution=0.06)})
+    one = fp.Experiments([[1.2, 0.8]], [[0.5]], [1.0])
+    together = fp.evaluate(given, one[np.zeros(12, dtype=int)])
+    of_f = np.sqrt(np.diag(np.linalg.inv(together.information)))
+    promise = np.array(list(together.standard_errors.values())) / np.array(list(given.prior.std.values()))
+    assert (promise > 1.15 * of_f).all()
+    found = fp.validate(given, one[np.zeros(12, dtype=int)], runs=600, seed=2).designs["design"]
+    for figures in found.parameters.values():
+        assert abs(figures.ratio.value - 1) < 0.05 + 4 * figures.ratio.error
 
 
 def test_previous_data_without_some_numbers_count_in_order() -> None:

@@ -12,7 +12,7 @@ from scipy import integrate, stats
 from fisherpoint.basics.values import Array
 from fisherpoint.noise.growing import dense_rows, rows_beside_common
 from fisherpoint.noise.models import GaussMarkov, Noise, NoiseModel
-from fisherpoint.noise.reading import reading_information
+from fisherpoint.noise.reading import averaged_information, reading_information
 from fisherpoint.noise.sensors import Sensors
 
 
@@ -242,3 +242,15 @@ def test_information_over_where_outputs_lie(noise: Noise, y: float) -> None:
     if not noise.limited:
         mean = float(information(np.linspace(0, noise.resolution, 1001)[:-1]).mean())
         assert float(sensors.precision(np.array([[y]]), np.full((1, 1), 1e3))[0, 0]) == pytest.approx(mean, rel=0.1)
+
+
+@pytest.mark.parametrize("q", [0.01, 1.0, 2.0, 5.0, 30.0, 200.0])
+@pytest.mark.parametrize("spread", [0.0, 0.05, 0.3, 1.0, 20.0])
+def test_the_mean_over_steps_is_that_of_many_places(q: float, spread: float) -> None:
+    """By the trapezoidal rule, whose error is next to nothing; outputs on an edge, in the middle of a step and elsewhere."""
+    y, z = q * np.array([0.0, 0.25, 0.5, -1.5, 0.7]), np.linspace(-8.5, 8.5, 40_001)
+    density = np.exp(-np.square(z) / 2) / np.exp(-np.square(z) / 2).sum()
+    expected = [np.dot(density, reading_information(at + q * spread * z, 1.0, resolution=q)) for at in y]
+    found = averaged_information(y, np.full(5, q * spread), 1.0, 0.0, q, -np.inf, np.inf)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert (found >= 0).all()

@@ -152,9 +152,9 @@ class Readings:
             r[:, :, j], slope[:, :, j] = (np.where(there, a, 0.0) for a in found)
         return r, dy * slope[..., None]
 
-    def rows(self, y: Array, dy: Array, spread: Array | None = None) -> Array:
-        """Rows J (B, N, n_y, P) with the information J^T J, averaged over a `spread` (B, N, n_y) of outputs."""
-        return np.asarray(dy * (np.sqrt(self.sensors.precision(y, spread)) * self.measured)[..., None])
+    def rows(self, y: Array, dy: Array) -> Array:
+        """Rows J (B, N, n_y, P) with the information J^T J."""
+        return np.asarray(dy * (np.sqrt(self.sensors.precision(y)) * self.measured)[..., None])
 
     def scores(self, y: Array, dy: Array) -> tuple[Array, Array]:
         """Score residuals (B, N, n_y) and rows J (B, N, n_y, P) with the information J^T J."""

@@ -213,15 +213,19 @@ class WeightedResiduals:
         """How `stored` has Jacobians."""
         return self._stored[0]
 
-    def rows(self, values: Array, response: Response, over_prior: bool = False) -> Array:
+    @property
+    def has_uneven_readings(self) -> bool:
+        """Whether readings are rounded or limited."""
+        return self._readings is not None and bool(self._readings.sensors.uneven.any())
+
+    def rows(self, values: Array, response: Response, place: Array | None = None) -> Array:
         """Rows J (M, P) with the information J^T J, from the response to unknowns (1, P).
 
-        That of rounded and limited readings as it is there, or averaged over where unknowns of standard deviation 1 have the
-        outputs.
+        That of rounded and limited readings as it is there, or where the tangents have the outputs at a `place` (P,).
         """
         jacobian = response.dy * self.slopes(values)
         if (readings := self._readings) is not None:
-            white = readings.rows(response.y, jacobian, np.sqrt(np.square(jacobian).sum(axis=3)) if over_prior else None)
+            white = readings.rows(response.y if place is None else response.y + jacobian @ place, jacobian)
         else:
             white = self._whitened(self.covariance, jacobian)[0]
         rows, prior = white.reshape(-1, jacobian.shape[3]), self._stored[1]

@@ -29,6 +29,7 @@ from .output_covariance import OutputCovariance, cholesky_factor, whitened
 from .point_information import PointInformation
 from .prior_information import nuisance_rows
 from .problem import OUTPUT_COVARIANCES, DesignProblem
+from .uneven_readings import mean_covariance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +67,8 @@ class Evaluation(Shown, Kept):
     outputs, outputs_left_out : tuple of str
         Outputs that take part; those that carry neither variance nor sensitivity do not.
     covariance : ndarray, (p, p), or None
-        Cramer-Rao bound (sum_k S_k^T D^-1 S_k)^-1 in SI units; None where F is singular.
+        Cramer-Rao bound (sum_k S_k^T D^-1 S_k)^-1 in SI units; None where F is singular. Where readings are rounded or limited, its
+        mean over where the prior has the outputs (`information.uneven_readings`).
     standard_errors, rse : mapping of parameter name to float, or None
         Square roots of its diagonal, SI units, and their shares of the |prior mean|, inf where that is zero. Only where D is R are
         they those of an estimate: see `output_covariance` of `evaluate`.
@@ -281,6 +283,9 @@ def evaluate_information(
     if rank == len(names) and np.isfinite(log_det):
         # (sum S^T D^-1 S)^-1 = V s^-2 V^T of the column-scaled sensitivities, without forming or inverting their square.
         half = directions.T / singular_values / length[:, None]
+        if d.kind == "noise" and problem.has_uneven_readings and share[-1] > ACCURATE:
+            covariance = mean_covariance(problem, information, d, factor, known, prior is not None, threads)
+            half = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
         errors = np.linalg.norm(half, axis=1)
         unit = half / errors[:, None]
         correlation = unit @ unit.T

@@ -22,6 +22,7 @@ from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import LinearizedRule, Rule
 from .problem import DesignProblem
+from .white_rows import white_rows
 
 MOST_POINTS = 20_000
 """Points that the engine is given at once, so that memory stays bounded."""
@@ -117,7 +118,7 @@ def point_sensitivities(problem: DesignProblem, points: Experiments, threads: in
     if not problem.white_alone:
         times, measured = np.zeros((len(points), 1)), np.broadcast_to(problem.measured, (len(points), 1, n_y))
         dy = result.dy_dtheta[:, None]
-        rows, status = problem.white_rows(scaled[:, None], dy, times, result.y[:, None], measured, status)
+        rows, status = white_rows(problem, scaled[:, None], dy, times, result.y[:, None], measured, status)
         scaled = rows[:, 0]
     elif assumed is not None and assumed.columns:
         share = assumed.covariance(result.dy_dtheta)

@@ -15,17 +15,15 @@ from ..basics.checks import as_sequence, as_std, by_name, check_choice, check_na
 from ..basics.messages import listed, shown
 from ..basics.quantity import names_of
 from ..basics.result_files import Codec
-from ..basics.values import Array, IntArray
+from ..basics.values import Array
 from ..models import Model
 from ..models.codec import model_from_json, model_to_json
-from ..noise.common_error import beside_free
 from ..noise.models import Noise, NoiseModel, checked_noise, nominal_std, outputs_of
 from ..noise.sensors import Sensors
 from ..points.natural_sizes import warn_of_small_states
 from ..points.region import ExperimentRegion
 from ..points.run_region import RunRegion
 from ..points.settings import Integration, check_jumps, check_kinks, check_rtol, crossed_surfaces, resolve_threads
-from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import DEFAULT_RULE, Rule
 from ..show.numbers import counted
@@ -372,45 +370,14 @@ class DesignProblem(InNotebooks):
         return None if self.noise is None else Sensors.of(self.noise, names_of(self.model.outputs))
 
     @property
+    def has_uneven_readings(self) -> bool:
+        """Whether an output is rounded or limited."""
+        return self.sensors is not None and bool(self.sensors.uneven.any())
+
+    @property
     def white_alone(self) -> bool:
         """Whether D alone whitens rows; else what they need is in the rows: other noise, or free local parameters taken out."""
         return (self.sensors is None or self.sensors.white) and not (self.assumed is not None and self.assumed.free)
-
-    def white_rows(
-        self, scaled: Array, dy_dtheta: Array, times: Array, y: Array, measured: NDArray[np.bool_], status: IntArray
-    ) -> tuple[Array, IntArray]:
-        """Rows (K, N, n_y, p) that R whitens, whatever the noise is, and statuses (K,): see `Sensors.rows`.
-
-        From standardised sensitivities, and those by all parameters of `assumed`. What has a value of its own in each run is taken
-        out: with a spread by the covariance, without by projection.
-        The information of rounded and limited readings is averaged over where the prior has the outputs, so that no design counts
-        on parameters by which one lies just at an edge.
-        """
-        if self.sensors is None:
-            raise ValueError("noise: expected the sensor noise, given none")
-        p, moved, columns = scaled.shape[3], None, scaled
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given a status
-            if self.assumed is not None and self.assumed.columns:
-                moved = np.where(measured[..., None], dy_dtheta[..., self.assumed.columns] * self.assumed.std, 0.0)
-                status = only_finite(status, moved)
-            if self.assumed is not None and self.assumed.free:
-                free = np.where(measured[..., None], dy_dtheta[..., self.assumed.free] * self.assumed.free_std, 0.0)
-                status, columns = only_finite(status, free), np.concatenate([scaled, free], axis=3)
-            there = measured & (status == Status.ok)[:, None, None]
-            moved = None if moved is None else np.where(there[..., None], moved, 0.0)
-            spread = self._spread(columns) if self.sensors.uneven.any() else None
-            rows = self.sensors.rows(columns, moved, times, np.where(there, y, 0.0), there, spread)
-            rows = beside_free(rows[..., :p], rows[..., p:])
-            rows *= np.sqrt(np.diag(self.noise_covariance))[:, None]
-        return rows, only_finite(status, rows)
-
-    def _spread(self, scaled: Array) -> Array:
-        """Standard deviations of outputs over the prior, to first order, (..., n_y), from standardised derivatives."""
-        own = len(self.estimated)
-        of_parameters, of_nuisance = scaled[..., :own], scaled[..., own:]
-        if self.prior.correlated:
-            of_parameters = of_parameters @ np.linalg.cholesky(self.prior.marginal(self.estimated).correlation)
-        return np.asarray(np.sqrt(np.square(of_parameters).sum(axis=-1) + np.square(of_nuisance).sum(axis=-1)))
 
     @cached_property
     def noise_covariance(self) -> Array:

@@ -25,6 +25,7 @@ from ..points.settings import Integration
 from ..points.status import Status, only_finite
 from .assumed import Assumed
 from .problem import DesignProblem
+from .white_rows import white_rows
 
 
 class RunRows(NamedTuple):
@@ -61,8 +62,11 @@ class RunTangents(NamedTuple):
         x, y, dy, status = self.x[rows], self.y[rows], self.dy[rows], self.status[rows]
         return RunTangents(self.runs[rows], self.theta[rows], x, y, self.dx[rows] if len(self.dx) else self.dx, dy, status)
 
-    def rows(self, problem: DesignProblem, informative: NDArray[np.bool_] | None = None) -> RunRows:
-        """The rows as the Fisher matrix takes them; outputs not `informative` (K, N, n_y), or not measured, have no weight."""
+    def rows(self, problem: DesignProblem, informative: NDArray[np.bool_] | None = None, place: Array | None = None) -> RunRows:
+        """The rows as the Fisher matrix takes them; outputs not `informative` (K, N, n_y), or not measured, have no weight.
+
+        With a `place`, uneven readings inform as they do there: see `white_rows`.
+        """
         assumed = problem.assumed
         there = informed(self.runs, informative) & problem.measured
         there = there[..., None]
@@ -71,7 +75,7 @@ class RunTangents(NamedTuple):
             status = only_finite(self.status, scaled)
             if not problem.white_alone:
                 times = np.cumsum(self.runs.dt, axis=1)
-                scaled, status = problem.white_rows(scaled, self.dy, times, self.y, there[..., 0], status)
+                scaled, status = white_rows(problem, scaled, self.dy, times, self.y, there[..., 0], status, place)
             elif assumed is not None and assumed.columns:
                 moved = np.where(there, self.dy[..., assumed.columns] * assumed.std, 0.0)
                 status = only_finite(status, moved)

@@ -19,6 +19,7 @@ from ..estimation.local_unknowns import LocalUnknowns, of_common
 from ..estimation.nuisance import known_beforehand, nuisance_of
 from ..estimation.observed import Observed
 from ..estimation.precision import Precision, covariances, in_words, quantile
+from ..estimation.response import Response
 from ..estimation.search import evaluable_starts
 from ..estimation.sensor_noise import SensorNoise
 from ..estimation.small_samples import inflated, output_degrees_of_freedom, unbiased
@@ -28,6 +29,7 @@ from ..estimation.weighting import WeightedResiduals
 from ..information.local import RECORD, RUN, Local
 from ..information.problem import DesignProblem
 from ..information.run_information import information_of
+from ..information.uneven_readings import covariance_over, draws
 from ..noise.models import NoiseOf, outputs_of
 from ..noise.sensors import Sensors
 from ..points.runs import Points, as_runs
@@ -46,6 +48,9 @@ NO_LABELS: Mapping[str, tuple[str, ...]] = FrozenMapping({})
 
 STARTS = 8
 """Starts of a search at most, as `estimate` has by default."""
+
+SEVERAL = 16
+"""Places of outputs at which is seen what rounded and limited readings determine."""
 
 NO_DATA = "the true trajectory"
 """Beginning of the reason of a virtual experiment that gave no data."""
@@ -150,8 +155,13 @@ class Estimator:
         starts = evaluable_starts(observed, unknowns, mean, prior, STARTS)
         residuals = known.weighed(residuals, starts[0])
         values = unknowns.values(starts[:1])
-        rows = residuals.rows(values, observed.respond(values), over_prior)
-        return cls(residuals, starts, noise_known, Precision.of(rows), len(joint.nuisance))
+        response = observed.respond(values)
+        promise = Precision.of(residuals.rows(values, response))
+        if over_prior and residuals.has_uneven_readings:
+            correlation = np.eye(len(unknowns))
+            correlation[: len(names), : len(names)] = problem.prior.marginal(names).correlation
+            promise = _over_prior(residuals, values, response, correlation, use_prior)
+        return cls(residuals, starts, noise_known, promise, len(joint.nuisance))
 
     @property
     def unknowns(self) -> Unknowns:
@@ -258,6 +268,20 @@ class Estimator:
         """The rows of Jacobians (B, M, P) that belong to the data, (B, N, n_y, P)."""
         shape = self.residuals.y.shape[1:]
         return jacobian[:, : shape[0] * shape[1]].reshape(len(jacobian), *shape, -1)
+
+
+def _over_prior(residuals: WeightedResiduals, values: Array, response: Response, correlation: Array, with_prior: bool) -> Precision:
+    """The promise of rounded and limited readings: the mean over where a prior (P, P) in coordinates has the outputs."""
+    factor = np.linalg.cholesky(correlation)
+    places = draws(len(factor), response.y.size) @ factor.T
+    several = np.concatenate([residuals.rows(values, response, place) for place in places[:SEVERAL]])
+    promise = Precision.of(several / np.sqrt(SEVERAL))
+    if not promise.determined.all():
+        return promise
+    inverse = np.linalg.solve(factor, np.eye(len(factor)))
+    of_prior = np.zeros(factor.shape) if with_prior else inverse.T @ inverse
+    rows = (residuals.rows(values, response, place) for place in places)
+    return replace(promise, covariance=covariance_over((one.T @ one for one in rows), of_prior))
 
 
 def _blank(points: Points, of_sample: Array) -> Array:

@@ -48,11 +48,12 @@ class Sobol(Rule):
 
     def core_nodes(self, prior: GaussianPrior, varied: Sequence[str] | None = None) -> _core.NodeTable:
         p = len(prior.names if varied is None else tuple(varied))
-        return node_table(prior, varied, _points(p, self.n, self.seed), np.full(self.n, 1 / self.n))
+        return node_table(prior, varied, standard_normal(p, self.n, self.seed), np.full(self.n, 1 / self.n))
 
 
 @lru_cache(maxsize=4)
-def _points(p: int, n: int, seed: int) -> Array:
+def standard_normal(p: int, n: int, seed: int = 0) -> Array:
+    """Scrambled Sobol points (n, p) of standard normal variables; n is a power of two."""
     from scipy.special import ndtri
     from scipy.stats.qmc import Sobol as Points
 
