@@ -1,8 +1,8 @@
 """``python -m bench.noise_promises``: whether designs keep their standard errors under noise of every kind.
 
-Points and runs are designed for a chain of two reactions, and measured on virtual rigs with truths from the prior. The table has the
-achieved over the promised standard error with its Monte Carlo error, and the share of 95 % intervals that hold, of the parameter
-that is farthest off. The exit code is 1 where a ratio is off 1 by more than 5 % and two Monte Carlo errors.
+Points and runs are designed for a chain of two reactions, and measured on virtual rigs with truths from the prior. The table has
+the achieved over the promised standard error with its Monte Carlo error, and the share of 95 % intervals that hold, of the
+parameter that is farthest off. The exit code is 1 where a ratio is off 1 by more than 5 % and two Monte Carlo errors.
 """
 
 from __future__ import annotations
@@ -56,12 +56,9 @@ def rows(names: list[str], rigs: int, seed: int) -> Iterator[tuple[str, str, flo
     for name in names:
         for what in ("points", "runs"):
             given, begin = problem(KINDS[name], what == "runs"), process_time()
-            if what == "points":
-                found = fp.exchange(given, 12, seed=seed).points
-            else:
-                found = fp.design_runs(given, 2, n_starts=4, seed=seed).points
+            designed = fp.exchange(given, 12, seed=seed) if what == "points" else fp.design_runs(given, 2, n_starts=4, seed=seed)
             took = process_time() - begin
-            validation = fp.validate(given, found, runs=rigs, seed=seed + 1).designs["design"]
+            validation = fp.validate(given, designed, runs=rigs, seed=seed + 1).designs["design"]
             of = max(validation.parameters.values(), key=lambda figures: abs(figures.ratio.value - 1))
             yield name, what, of.ratio.value, of.ratio.error, of.coverage.value, took
 
