@@ -8,6 +8,7 @@
 ``python -m bench runs`` compares designs of runs with published ones, and ``python -m bench.windows`` one with windows;
 ``python -m bench strokes`` looks for runs within limits from five seeds, and exits with 1 where one is not good;
 ``python -m bench.residuals`` counts fits that hear of noise with a memory;
+``python -m bench.noise_promises`` shows whether designs keep what they promise under noise of every kind;
 ``python -m bench.budgets`` shows whether limits of time hold;
 ``python -m bench pieces`` picks the best windows of a log of a million samples;
 ``python -m bench approximate`` finds optimal weights of a million candidates;
