@@ -5,6 +5,7 @@ Sensitivities say less: what only moves a jump has none, at all points whose tra
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ def leaves_equations(model: SymbolicModel, theta: Array, change: Array, x: Array
     if {equations.parameters[j] for j in moved} & {*(tau for _, tau in equations.delays), *equations.late.values()}:
         return False  # in which instants inputs switch and outputs are read, no equation shows
     own, hidden = equations.states[: x.shape[1]], equations.states[x.shape[1] :]
-    branches = Branches((*equations.states, *equations.inputs, *equations.parameters), by_side=True)
+    branches = Branches((*equations.states, *equations.inputs, *equations.parameters), by_side=True, most=math.inf)
     anew = [one for reset in equations.resets for one in (reset.condition, *(value for _, value in reset.values))]
     anew += [value for update in equations.updates for _, value in update.values]
     rewritten = [branches.rewrite(expression) for expression in (*equations.rates, *equations.output, *anew)]

@@ -1,0 +1,94 @@
+"""Which unknowns of linear equations are determined, and which of them depend on each other, by elimination at many points.
+
+The groups are the connected components of the matroid of the columns: the finest partition of the unknowns for which the row space is
+the direct sum of row spaces of the groups. Of a matrix in reduced row echelon form, a pivot's column is connected with those columns
+that have an entry in its row [J. Oxley, Matroid Theory, section 4.3]. An unknown is determined where its column is connected with none,
+but is a pivot: its unit vector is in the row space.
+
+That is the decomposition of Dulmage and Mendelsohn with the rank by numbers in place of the size of a matching: equations that are
+the same twice have a matching, and no rank.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..basics.values import Array
+
+ZERO = 100.0
+"""A number is zero that is no larger than this many times what operations that are off change in it."""
+
+BLURRED = 1e-6
+"""A point does not count at which that is more than this of an equation, after scaling, in what is taken for zero."""
+
+LEAST_SHARE = 0.5
+"""Share of the points at which there must be an answer."""
+
+
+class Eliminated(NamedTuple):
+    """Unknowns (m,) that are determined at every point, and pairs (m, m) that are connected at any."""
+
+    determined: NDArray[np.bool_]
+    connected: NDArray[np.bool_]
+
+
+def eliminated(exact: Array, off: Array) -> Eliminated | None:
+    """Reduce the matrices (K, n, m) of K points; None where fewer than half of them have an answer.
+
+    Parameters
+    ----------
+    exact, off : ndarray, (K, n, m)
+        The same matrices twice, the second one with every number off by what is far more than rounding.
+    """
+    points, rows, columns = exact.shape
+    pair = np.stack([exact, off])
+    clear = np.ones(points, dtype=bool)
+    _drop_zeros(pair, clear)
+    _scale(pair)
+    clear[:] = True  # what is zero before it is scaled has no size yet
+    at, free = np.arange(points), np.ones((points, rows), dtype=bool)
+    row_of = np.full((points, columns), -1)
+    for _ in range(min(rows, columns)):
+        size = np.abs(pair[0]) * free[:, :, None]
+        row, column = np.unravel_index(size.reshape(points, -1).argmax(axis=1), (rows, columns))
+        on = size[at, row, column] > 0
+        if not on.any():
+            break
+        k, i, j = at[on], row[on], column[on]
+        pivot_row = pair[:, k, i] / pair[:, k, i, j][..., None]
+        pair[:, k] -= pair[:, k, :, j].transpose(1, 0, 2)[..., None] * pivot_row[:, :, None, :]
+        pair[:, k, i] = pivot_row
+        pair[:, k, :, j] = 0.0
+        pair[:, k, i, j] = 1.0
+        free[k, i], row_of[k, j] = False, i
+        _drop_zeros(pair, clear)
+    if rows and np.count_nonzero(clear) < max(LEAST_SHARE * points, 1):
+        return None
+    determined, connected = np.ones(columns, dtype=bool), np.zeros((columns, columns), dtype=bool)
+    for k in at[clear]:
+        pivots = np.flatnonzero(row_of[k] >= 0)
+        entries = pair[0, k, row_of[k, pivots]] != 0
+        connected[pivots] |= entries
+        alone = np.zeros(columns, dtype=bool)
+        alone[pivots] = entries.sum(axis=1) == 1  # its own
+        determined &= alone
+    return Eliminated(determined & bool(rows), connected | connected.T)
+
+
+def _drop_zeros(pair: Array, clear: NDArray[np.bool_]) -> None:
+    """Set to zero what is rounding, and tell the points where that may have been more."""
+    change = np.abs(pair[0] - pair[1])
+    zero = np.abs(pair[0]) <= ZERO * change
+    clear &= ~(zero & (change > BLURRED)).any(axis=(1, 2))
+    pair[:, zero] = 0.0
+
+
+def _scale(pair: Array) -> None:
+    """Rows and columns with a largest entry of about one."""
+    for _ in range(3):
+        for axis in (2, 3):
+            size = np.abs(pair[0]).max(axis=axis - 1, initial=0.0, keepdims=True)
+            pair /= np.where(size > 0, size, 1.0)
