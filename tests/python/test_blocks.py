@@ -61,7 +61,18 @@ def test_measured_tanks_separate_and_an_unmeasured_one_joins() -> None:
     assert upper.reaches["k1"] == ("y",) and upper.reaches["k2"] == ()
 
 
-SHOWN = ["2*a + 273.15", "scale*a - offset", "-a", "a + u", "a - exp(b)", "a**2", "sin(a)", "u/a", "sqrt(a)*b", "where(u > 1, a, -2*a)"]
+SHOWN = [
+    "2*a + 273.15",
+    "scale*a - offset",
+    "-a",
+    "a + u",
+    "a - exp(b)",
+    "a**2",
+    "sin(a)",
+    "u/a",
+    "sqrt(a)*b",
+    "where(u > 1, a, -2*a)",
+]
 OTHERS = ["abs(a)", "max(a, 1)", "where(a > 1, 2*a, a)", "k*a", "sin(a)**2 + cos(a)**2 + b", "where(u > 1, a, 0)"]
 
 

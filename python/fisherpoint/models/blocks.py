@@ -63,9 +63,7 @@ class Blocks:
         States whose course is known, and parameters that every instant determines alone.
     """
 
-    def __init__(
-        self, rows: Sequence[Row], unmoved: Callable[[frozenset[str]], frozenset[str]], instants: Instants
-    ) -> None:
+    def __init__(self, rows: Sequence[Row], unmoved: Callable[[frozenset[str]], frozenset[str]], instants: Instants) -> None:
         self._rows, self._instants = rows, instants
         self._found: dict[tuple[Names, tuple[int, ...]], Eliminated | None] = {}
         known, before = unmoved(frozenset()), -1

@@ -113,10 +113,14 @@ class Dependence:
         states, inputs, parameters = self._names
         equations = self._equations
         names = dict(zip((*equations.states, *equations.parameters), (*states, *parameters), strict=True))
-        sizes = {symbol: self._sizes.get(name, 1.0) for symbol, name in (*names.items(), *zip(equations.inputs, inputs, strict=True))}
+        sizes = {
+            symbol: self._sizes.get(name, 1.0) for symbol, name in (*names.items(), *zip(equations.inputs, inputs, strict=True))
+        }
         instants = Instants(equations, names, sizes)
         rates, outputs = self._rates.items(), self._output.values()
-        rows = [Row(i, name, rate.states | rate.parameters, rate.plain) for i, (name, rate) in enumerate(rates) if name in self._seen]
+        rows = [
+            Row(i, name, rate.states | rate.parameters, rate.plain) for i, (name, rate) in enumerate(rates) if name in self._seen
+        ]
         rows += [Row(i, None, of.states | of.parameters, of.plain) for i, of in enumerate(outputs, len(rates))]
         return Blocks(rows, self._unmoved, instants).of(parameters)
 

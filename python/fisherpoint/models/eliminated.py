@@ -21,6 +21,9 @@ from ..basics.values import Array
 ZERO = 100.0
 """A number is zero that is no larger than this many times what operations that are off change in it."""
 
+FLOOR = 1e-12
+"""So is one that is no larger than this share of an equation, after scaling: what is off may cancel where numbers do."""
+
 BLURRED = 1e-6
 """A point does not count at which that is more than this of an equation, after scaling, in what is taken for zero."""
 
@@ -40,15 +43,15 @@ def eliminated(exact: Array, off: Array) -> Eliminated | None:
 
     Parameters
     ----------
-    exact, off : ndarray, (K, n, m)
+    exact, off : ndarray, (K, n, m), n and m not zero
         The same matrices twice, the second one with every number off by what is far more than rounding.
     """
     points, rows, columns = exact.shape
     pair = np.stack([exact, off])
-    clear = np.ones(points, dtype=bool)
-    _drop_zeros(pair, clear)
+    clear = np.isfinite(pair).all(axis=(0, 2, 3))
+    pair[:, ~clear] = 0.0
+    _drop_zeros(pair, 0.0)  # sizes are not known yet
     _scale(pair)
-    clear[:] = True  # what is zero before it is scaled has no size yet
     at, free = np.arange(points), np.ones((points, rows), dtype=bool)
     row_of = np.full((points, columns), -1)
     for _ in range(min(rows, columns)):
@@ -64,8 +67,8 @@ def eliminated(exact: Array, off: Array) -> Eliminated | None:
         pair[:, k, :, j] = 0.0
         pair[:, k, i, j] = 1.0
         free[k, i], row_of[k, j] = False, i
-        _drop_zeros(pair, clear)
-    if rows and np.count_nonzero(clear) < max(LEAST_SHARE * points, 1):
+        clear &= ~_drop_zeros(pair, FLOOR)
+    if np.count_nonzero(clear) < LEAST_SHARE * points:
         return None
     determined, connected = np.ones(columns, dtype=bool), np.zeros((columns, columns), dtype=bool)
     for k in at[clear]:
@@ -75,15 +78,16 @@ def eliminated(exact: Array, off: Array) -> Eliminated | None:
         alone = np.zeros(columns, dtype=bool)
         alone[pivots] = entries.sum(axis=1) == 1  # its own
         determined &= alone
-    return Eliminated(determined & bool(rows), connected | connected.T)
+    return Eliminated(determined, connected | connected.T)
 
 
-def _drop_zeros(pair: Array, clear: NDArray[np.bool_]) -> None:
-    """Set to zero what is rounding, and tell the points where that may have been more."""
+def _drop_zeros(pair: Array, floor: float) -> NDArray[np.bool_]:
+    """Set to zero what is rounding, and return the points (K,) at which that may have been more."""
     change = np.abs(pair[0] - pair[1])
-    zero = np.abs(pair[0]) <= ZERO * change
-    clear &= ~(zero & (change > BLURRED)).any(axis=(1, 2))
+    zero = np.abs(pair[0]) <= np.maximum(ZERO * change, floor)
     pair[:, zero] = 0.0
+    blurred: NDArray[np.bool_] = (zero & (change > BLURRED)).any(axis=(1, 2))
+    return blurred
 
 
 def _scale(pair: Array) -> None:

@@ -69,19 +69,20 @@ class Instants:
         drawn += [rng.choice([-1.0, 1.0], self._count) for _ in sides]
         roots = sorted({node for of in slopes for node in of.values()})
         exact, off = (dict(zip(roots, _values(graph, roots, drawn, by), strict=True)) for by in (None, rng))
-        off = {node: value * _nearly_one(value.shape, rng) for node, value in off.items()}
-        self._slopes = [{names[symbols[leaf]]: (exact[node], off[node]) for leaf, node in of.items()} for of in slopes]
+        self._slopes = [  # each entry is off by itself, also where two are one node
+            {names[symbols[leaf]]: (exact[node], off[node] * _nearly_one(off[node].shape, rng)) for leaf, node in of.items()}
+            for of in slopes
+        ]
 
     def matrix(self, rows: Sequence[int], columns: Sequence[str]) -> Pair:
-        """Slopes (K, n, m) of these equations by these states and parameters, at the K instants at which all are finite."""
+        """Slopes (K, n, m) of these equations by these states and parameters, at the K instants; not all need be finite."""
         found = np.zeros((2, self._count, len(rows), len(columns)), complex)
         places = {name: j for j, name in enumerate(columns)}
         for i, row in enumerate(rows):
             for name, pair in self._slopes[row].items():
                 if name in places:
                     found[:, :, i, places[name]] = pair
-        exact, off = found[:, np.isfinite(found).all(axis=(0, 2, 3))]
-        return exact, off
+        return found[0], found[1]
 
 
 def _decided_by(expression: Any, sides: Mapping[Any, set[Any]], names: Mapping[Any, str]) -> frozenset[str]:

@@ -31,7 +31,9 @@ def model_text(model: Model, texts: Texts) -> str:
     lines = {kind: [", ".join(names)] for kind, names in facts.items()} | {"blocks": block_lines(model.blocks)}
     if model.idle:
         lines["idle"] = [", ".join(model.idle)]
-    sections.append(["", *(f"{kind if i == 0 else '':<12}{line or 'none'}" for kind in lines for i, line in enumerate(lines[kind]))])
+    sections.append(
+        ["", *(f"{kind if i == 0 else '':<12}{line or 'none'}" for kind in lines for i, line in enumerate(lines[kind]))]
+    )
     if sum(map(len, sections)) >= LINES:
         sections = _shortened(sections)
     return "\n".join([model.name, *(line for section in sections for line in section)])
