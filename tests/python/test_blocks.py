@@ -122,6 +122,14 @@ def test_a_condition_is_read() -> None:
     assert model(["where(b > 0, k, m)*u", "-w*b"], ["a"], "k m w").blocks == (("k", "m", "w"),)
 
 
+def test_a_dead_time_reaches_an_output_that_reads_the_input() -> None:
+    """No sensitivity shows it, as the output jumps where the input does: it is not known whether it can be identified."""
+    late = fp.SymbolicModel(["-k*a"], ["a", "m*delay(u, tau)"], {"a": "1"}, {"u": "1"}, {"k": "1/s", "m": "1", "tau": "s"})
+    assert late.reaches["tau"] == ("y_2",) and late.blocks == (("k",), ("m", "tau"))
+    found = fp.identifiability(late, fp.GaussianPrior({"k": 1.0, "m": 1.0, "tau": 0.3}, {"k": 0.1, "m": 0.1, "tau": 0.03}))
+    assert found.identifiable is None and found.not_known[0].startswith("tau") and not found.null_directions and not found.idle
+
+
 def test_a_static_model_separates_by_outputs() -> None:
     static = fp.SymbolicModel([], ["a*u", "b*u + c", "exp(u)"], {}, {"u": "1"}, dict.fromkeys("abcd", "1"))
     assert static.blocks == (("a",), ("b", "c")) and static.idle == ("d",)
@@ -135,6 +143,30 @@ def test_reaching_is_having_a_sensitivity() -> None:
     outputs = [quantity.name for quantity in MODEL.outputs]
     for j, name in enumerate(NAMES):
         assert [outputs[m] for m in np.flatnonzero(np.abs(s[:, :, j]).max(axis=0))] == list(MODEL.reaches[name])
+
+
+def test_a_null_direction_is_named_with_its_block() -> None:
+    found = fp.identifiability(
+        model(["-k*a", "-m*n*b"], ["a", "b"], "k m n"), fp.GaussianPrior(*[dict.fromkeys("kmn", v) for v in (1.0, 0.1)])
+    )
+    assert found.blocks == (("k",), ("m", "n")) and len(found.null_directions) == 1
+    text = str(found)
+    assert "(block 2)" in text and "block 1   k\n" in text and "block 2   m, n" in text
+
+
+def test_many_blocks_are_printed_one_in_a_line() -> None:
+    names = [f"time_constant_{i}" for i in range(9)]
+    states = [f"x{i}" for i in range(9)]
+    lines = str(
+        fp.SymbolicModel(
+            [f"-{x}/{k}" for x, k in zip(states, names, strict=True)],
+            states,
+            dict.fromkeys(states, "1"),
+            {},
+            dict.fromkeys(names, "s"),
+        )
+    )
+    assert "\nblocks      {time_constant_0}\n            {time_constant_1}\n" in lines
 
 
 def test_blocks_are_printed() -> None:

@@ -14,7 +14,7 @@ import fisherpoint as fp
 from fisherpoint.models.eliminated import eliminated
 from fisherpoint.models.tape.defined import value_of
 
-NAMES = "k1 k2 k3 k4 k5 k6".split()
+NAMES = ["k1", "k2", "k3", "k4", "k5", "k6"]
 FACTORS = [
     "{0}",
     "{0}*{1}",
@@ -122,7 +122,7 @@ def test_where_all_states_are_measured_blocks_are_the_finest_that_hold_at_every_
         measured = random_model(seed, smooth=True)
         at = list(jacobians(measured, seed))
         blocks = [[NAMES.index(name) for name in block] for block in measured.blocks]
-        everything = sum(blocks, [])
+        everything = [column for block in blocks for column in block]
         assert all(rank(j[:, everything]) == sum(rank(j[:, block]) for block in blocks) for j in at), (seed, measured.blocks)
         for block in blocks:
             for size in range(1, len(block)):
@@ -135,7 +135,7 @@ def test_where_all_states_are_measured_blocks_are_the_finest_that_hold_at_every_
 
 def test_rates_of_a_body_part_what_acts_through_single_forces() -> None:
     """Two springs with forces of their own: two equations of full rank part them, one cannot, nor two that are the same."""
-    x, parameters = {"q": "1", "v": "1", "phi": "1", "w": "1"}, dict.fromkeys("k d m n".split(), "1")
+    x, parameters = {"q": "1", "v": "1", "phi": "1", "w": "1"}, dict.fromkeys(["k", "d", "m", "n"], "1")
 
     def body(rates: list[str], g: list[str]) -> tuple[tuple[str, ...], ...]:
         return fp.SymbolicModel(
@@ -159,7 +159,7 @@ def platform(arms: list[tuple[float, float, float, float]], *unknown: str) -> fp
     m_ = fp.math
     constants = {"m": (2.0, "1"), "J": (0.5, "1")}
     parameters = {f"{kind}_{i}": "1" for i in range(3) for kind in "fd"}
-    states = dict.fromkeys("x y phi v_x v_y w".split(), "1")
+    states = dict.fromkeys(["x", "y", "phi", "v_x", "v_y", "w"], "1")
 
     @fp.model(
         states=states,
@@ -200,7 +200,7 @@ def test_lengths_of_legs_give_the_pose_and_part_the_legs() -> None:
 def test_sums_of_measured_flows_part_tanks() -> None:
     """Flows out of two tanks, of which sums are measured beside the levels, and a level that shows in their sum alone."""
     f = ["u - k*sqrt(a) - m*a", "k*sqrt(a) - n*sqrt(b)"]
-    states, parameters = {"a": "1", "b": "1"}, dict.fromkeys("k m n".split(), "1")
+    states, parameters = {"a": "1", "b": "1"}, dict.fromkeys(["k", "m", "n"], "1")
 
     def tanks(*g: str) -> tuple[tuple[str, ...], ...]:
         return fp.SymbolicModel(f, list(g), states, {"u": "1"}, parameters).blocks
@@ -214,7 +214,7 @@ def test_sums_of_measured_flows_part_tanks() -> None:
 def test_conversion_and_temperature_of_a_reactor_part_kinetics_from_cooling() -> None:
     rate = "k*exp(-e/T)*c"
     f, states = [f"u - {rate}", f"h*{rate} - l*(T - s)"], {"c": "1", "T": ("1", 300.0)}
-    parameters = dict.fromkeys("k e h l s".split(), "1")
+    parameters = dict.fromkeys(["k", "e", "h", "l", "s"], "1")
 
     def reactor(f: list[str]) -> tuple[tuple[str, ...], ...]:
         return fp.SymbolicModel(f, ["c", "T"], states, {"u": "1"}, parameters).blocks
@@ -228,7 +228,7 @@ def test_blocks_do_not_hang_on_units(scale: float) -> None:
     """The same equations with states and parameters in other units."""
     f = [f"{scale}*(u - k*a/{scale} - m*b)", "k*a/7e7 - n*b + b*j", "j*b"]
     states = {"a": ("1", scale), "b": "1", "c": "1"}
-    found = fp.SymbolicModel(f, ["a + c", f"a*3 - {scale}*b", "c"], states, {"u": "1"}, dict.fromkeys("k m n j".split(), "1"))
+    found = fp.SymbolicModel(f, ["a + c", f"a*3 - {scale}*b", "c"], states, {"u": "1"}, dict.fromkeys(["k", "m", "n", "j"], "1"))
     assert found.blocks == (("k", "m", "n"), ("j",))
 
 

@@ -18,12 +18,12 @@ sensitivities S of dense measurements have rank S = the sum of the ranks of the 
 from noisy data is another matter: errors of one equation reach several blocks.
 
 All this is generic: it holds but for instants, parameters and states on surfaces, at constants as they are. Where the
-numbers do not tell zero from rounding, equations connect all that they read.
+numbers do not part zero from rounding, equations connect all that they read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -46,8 +46,8 @@ class Row(NamedTuple):
     plain: bool
 
 
-class Blocks:
-    """The blocks of a model; the rule stands above.
+class Separation:
+    """What separates in the equations of a model, by the rule above.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Blocks:
         groups, places = Groups(), {name: j for j, name in enumerate(parameters)}
         for row in self._rows:
             groups.add(row.reads)
-            if not self._usable(row, self.known):  # what it determines is not asked: it connects all that it reads
+            if not self._usable(row, self.known):  # it connects all that it reads
                 groups.join((row.reads | ({row.state} if row.state else set())) - self.known)
         for names, found in self._eliminated(self.known):
             if found is None:

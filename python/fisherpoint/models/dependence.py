@@ -9,7 +9,7 @@ from functools import cached_property
 import sympy
 
 from ..basics.values import FrozenMapping
-from .blocks import Blocks, Names, Row
+from .blocks import Names, Row, Separation
 from .instants import Instants
 from .surfaces.structure import Structure
 from .tape.defined import value_of
@@ -75,12 +75,12 @@ class Dependence:
             name, by = states[structure.equations.states.index(x)], read(value)
             old = self._rates[name]
             self._rates[name] = Equation(old.states | by.states, old.parameters | by.parameters, plain=False)
-        for name, rate in zip(states, structure.rates, strict=True):  # by the instants in which inputs switch
-            taus = frozenset(str(tau) for u, tau in structure.equations.delays if u in read.symbols(rate))
-            if taus:
-                old = self._rates[name]
-                self._rates[name] = Equation(old.states, old.parameters | taus, plain=False)
         self._output = dict(zip(outputs, map(read, structure.output), strict=True))
+        written = (states, structure.rates, self._rates), (outputs, structure.output, self._output)
+        for of, name, expression in ((of, *pair) for names, given, of in written for pair in zip(names, given, strict=True)):
+            taus = frozenset(str(tau) for u, tau in structure.equations.delays if u in read.symbols(expression))
+            if taus:  # by the instants in which inputs switch
+                of[name] = Equation(of[name].states, of[name].parameters | taus, plain=False)
         late = {outputs[i]: str(tau) for i, tau in structure.equations.late.items()}
         for name, tau in late.items():
             of = self._output[name]
@@ -109,7 +109,7 @@ class Dependence:
 
     @cached_property
     def blocks(self) -> tuple[Names, ...]:
-        """Parameters, but the idle ones, in groups that can be identified independently of each other: `fisherpoint.models.blocks`."""
+        """Parameters, but the idle ones, in groups that are identified apart from each other: see `fisherpoint.models.blocks`."""
         states, inputs, parameters = self._names
         equations = self._equations
         names = dict(zip((*equations.states, *equations.parameters), (*states, *parameters), strict=True))
@@ -122,7 +122,7 @@ class Dependence:
             Row(i, name, rate.states | rate.parameters, rate.plain) for i, (name, rate) in enumerate(rates) if name in self._seen
         ]
         rows += [Row(i, None, of.states | of.parameters, of.plain) for i, of in enumerate(outputs, len(rates))]
-        return Blocks(rows, self._unmoved, instants).of(parameters)
+        return Separation(rows, self._unmoved, instants).of(parameters)
 
     def _unmoved(self, known: frozenset[str]) -> frozenset[str]:
         """States that no parameter moves but through known states, or that is known itself: they follow from their start."""

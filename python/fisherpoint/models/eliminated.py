@@ -1,9 +1,9 @@
 """Which unknowns of linear equations are determined, and which of them depend on each other, by elimination at many points.
 
-The groups are the connected components of the matroid of the columns: the finest partition of the unknowns for which the row space is
-the direct sum of row spaces of the groups. Of a matrix in reduced row echelon form, a pivot's column is connected with those columns
-that have an entry in its row [J. Oxley, Matroid Theory, section 4.3]. An unknown is determined where its column is connected with none,
-but is a pivot: its unit vector is in the row space.
+The groups are the connected components of the matroid of the columns: the finest partition of the unknowns for which the row space
+is the direct sum of row spaces of the groups. In reduced row echelon form, the column of a pivot is connected with those that have
+an entry in its row [J. Oxley, Matroid Theory, chapter 4]. An unknown is determined where its column has a pivot, and is connected
+with no other: its unit vector is in the row space.
 
 That is the decomposition of Dulmage and Mendelsohn with the rank by numbers in place of the size of a matching: equations that are
 the same twice have a matching, and no rank.

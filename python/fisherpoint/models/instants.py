@@ -27,7 +27,7 @@ SMOOTH_INSTANTS, INSTANTS = 12, 32
 """Random instants of equations without branches, and of others, which are on random sides of each."""
 
 ROUNDING = 1e-12
-"""Share of itself by which every operation is off in the second calculation: far more than rounding, so that it shows what is none."""
+"""Share of itself by which every operation is off in the second calculation: far more than rounding."""
 
 Pair: TypeAlias = tuple[Array, Array]
 """The same numbers twice: as they are, and calculated with operations that are off."""
