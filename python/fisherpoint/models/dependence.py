@@ -77,10 +77,10 @@ class Dependence:
             self._rates[name] = Equation(old.states | by.states, old.parameters | by.parameters, plain=False)
         self._output = dict(zip(outputs, map(read, structure.output), strict=True))
         written = (states, structure.rates, self._rates), (outputs, structure.output, self._output)
-        for of, name, expression in ((of, *pair) for names, given, of in written for pair in zip(names, given, strict=True)):
+        for own, name, expression in ((own, *pair) for names, given, own in written for pair in zip(names, given, strict=True)):
             taus = frozenset(str(tau) for u, tau in structure.equations.delays if u in read.symbols(expression))
             if taus:  # by the instants in which inputs switch
-                of[name] = Equation(of[name].states, of[name].parameters | taus, plain=False)
+                own[name] = Equation(own[name].states, own[name].parameters | taus, plain=False)
         late = {outputs[i]: str(tau) for i, tau in structure.equations.late.items()}
         for name, tau in late.items():
             of = self._output[name]
