@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .eliminated import Eliminated, eliminated
-from .instants import Instants
+from .instants import RandomInstants
 
 Names = tuple[str, ...]
 
@@ -55,7 +55,7 @@ class Separation:
         Outputs, and rates of states that reach one.
     unmoved : callable
         From what is known to the states that no parameter moves but through that.
-    instants : Instants
+    instants : RandomInstants
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Separation:
         States whose course is known, and parameters that every instant determines alone.
     """
 
-    def __init__(self, rows: Sequence[Row], unmoved: Callable[[frozenset[str]], frozenset[str]], instants: Instants) -> None:
+    def __init__(self, rows: Sequence[Row], unmoved: Callable[[frozenset[str]], frozenset[str]], instants: RandomInstants) -> None:
         self._rows, self._instants = rows, instants
         self._found: dict[tuple[Names, tuple[int, ...]], Eliminated | None] = {}
         known, before = unmoved(frozenset()), -1

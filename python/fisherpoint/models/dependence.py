@@ -10,7 +10,7 @@ import sympy
 
 from ..basics.values import FrozenMapping
 from .blocks import Names, Row, Separation
-from .instants import Instants
+from .instants import RandomInstants
 from .surfaces.structure import Structure
 from .tape.defined import value_of
 from .tape.parts import symbols_of
@@ -116,7 +116,7 @@ class Dependence:
         sizes = {
             symbol: self._sizes.get(name, 1.0) for symbol, name in (*names.items(), *zip(equations.inputs, inputs, strict=True))
         }
-        instants = Instants(equations, names, sizes)
+        instants = RandomInstants(equations, names, sizes)
         rates, outputs = self._rates.items(), self._output.values()
         rows = [
             Row(i, name, rate.states | rate.parameters, rate.plain) for i, (name, rate) in enumerate(rates) if name in self._seen

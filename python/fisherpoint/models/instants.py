@@ -33,7 +33,7 @@ Pair: TypeAlias = tuple[Array, Array]
 """The same numbers twice: as they are, and calculated with operations that are off."""
 
 
-class Instants:
+class RandomInstants:
     """Slopes of rates and outputs by states and parameters at random instants, on random sides of all branches.
 
     Parameters
