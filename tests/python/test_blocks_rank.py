@@ -232,6 +232,24 @@ def test_blocks_do_not_hang_on_units(scale: float) -> None:
     assert found.blocks == (("k", "m", "n"), ("j",))
 
 
+def test_what_saturates_or_underflows_is_not_taken_for_nothing() -> None:
+    """Far out a tanh has no slope that doubles show, and an exponential none at all; the parameters stay connected."""
+    nominal = {"f": 400.0, "d": 1500.0, "v_s": 1e-3}
+    parameters = dict.fromkeys(nominal, "1")
+    slip = fp.SymbolicModel(["u - f*tanh(v/v_s) - d*v"], ["v"], {"v": "1"}, {"u": "1"}, parameters, nominal=nominal)
+    assert slip.blocks == (("f", "d", "v_s"),)
+    f = ["u - f*tanh(v/v_s)", "-d*w"]
+    assert fp.SymbolicModel(f, ["v", "w"], {"v": "1", "w": "1"}, {"u": "1"}, parameters, nominal=nominal).blocks == (
+        ("f", "v_s"),
+        ("d",),
+    )
+    for scale in (1.0, 1e3, 1e7):
+        rate = fp.SymbolicModel(["-k*exp(-e*a)", "-m*b"], ["a", "b"], {"a": ("1", scale), "b": "1"}, {}, dict.fromkeys("kem", "1"))
+        assert rate.blocks == (("k", "e"), ("m",))
+        gate = fp.SymbolicModel(["-k/(1 + exp(e*(a - h)))"], ["a"], {"a": ("1", scale)}, {}, dict.fromkeys("keh", "1"))
+        assert gate.blocks == (("k", "e", "h"),)
+
+
 def test_numbers_of_which_no_sum_is_exact_count_as_they_are_meant() -> None:
     """0.1 and 0.3 beside 0.2 and 0.6 are one equation twice, though 0.3/0.1 is not 3."""
     matrix = np.array([[0.1, 0.3], [0.2, 0.6]], complex)

@@ -18,14 +18,18 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 
-ZERO = 100.0
-"""A number is zero that is no larger than this many times what operations that are off change in it."""
+ZERO, NUMBER = 0.01, 100.0
+"""A number is zero up to the first many times what operations that are off by 1e-12 change in it: rounding is ten thousand times
+less. It is none from the second many times on. A point does not count at which a number is between them."""
 
-FLOOR = 1e-12
-"""So is one that is no larger than this share of an equation, after scaling: what is off may cancel where numbers do."""
+FLOOR, DOUBTFUL = 1e-14, 1e-10
+"""The same as shares of an equation, after scaling: what is off may cancel where numbers do."""
 
-BLURRED = 1e-6
+BLURRED = 1e-8
 """A point does not count at which that is more than this of an equation, after scaling, in what is taken for zero."""
+
+SMALLEST, LARGEST = 1e-150, 1e150
+"""A point does not count at which a number is out of this range, and not zero: it is about to underflow or overflow."""
 
 LEAST_SHARE = 0.5
 """Share of the points at which there must be an answer."""
@@ -48,9 +52,14 @@ def eliminated(exact: Array, off: Array) -> Eliminated | None:
     """
     points, rows, columns = exact.shape
     pair = np.stack([exact, off])
-    clear = np.isfinite(pair).all(axis=(0, 2, 3))
+    size = np.abs(pair)
+    clear = (((size > SMALLEST) & (size < LARGEST)) | (size == 0)).all(axis=(0, 2, 3))
     pair[:, ~clear] = 0.0
-    _drop_zeros(pair, 0.0)  # sizes are not known yet
+    rounding = pair[0] != pair[1]
+    clear &= ~_drop_zeros(pair, 0.0, 0.0)  # sizes are not known yet
+    nonzero = pair[0] != 0
+    # What is zero everywhere is so by an identity. What is rounding at some points only has saturated there, as a tanh far out.
+    clear &= ~(rounding & ~nonzero & nonzero[clear].any(axis=0)).any(axis=(1, 2))
     _scale(pair)
     at, free = np.arange(points), np.ones((points, rows), dtype=bool)
     row_of = np.full((points, columns), -1)
@@ -67,7 +76,7 @@ def eliminated(exact: Array, off: Array) -> Eliminated | None:
         pair[:, k, :, j] = 0.0
         pair[:, k, i, j] = 1.0
         free[k, i], row_of[k, j] = False, i
-        clear &= ~_drop_zeros(pair, FLOOR)
+        clear &= ~_drop_zeros(pair, FLOOR, DOUBTFUL)
     if np.count_nonzero(clear) < LEAST_SHARE * points:
         return None
     determined, connected = np.ones(columns, dtype=bool), np.zeros((columns, columns), dtype=bool)
@@ -81,18 +90,28 @@ def eliminated(exact: Array, off: Array) -> Eliminated | None:
     return Eliminated(determined, connected | connected.T)
 
 
-def _drop_zeros(pair: Array, floor: float) -> NDArray[np.bool_]:
-    """Set to zero what is rounding, and return the points (K,) at which that may have been more."""
-    change = np.abs(pair[0] - pair[1])
-    zero = np.abs(pair[0]) <= np.maximum(ZERO * change, floor)
+def _drop_zeros(pair: Array, floor: float, doubtful: float) -> NDArray[np.bool_]:
+    """Set to zero what is rounding, and return the points (K,) at which that is in doubt."""
+    size, change = np.abs(pair[0]), np.abs(pair[0] - pair[1])
+    zero = size <= np.maximum(ZERO * change, floor)
+    open_ones = ~zero & (size < np.maximum(NUMBER * change, doubtful))
     pair[:, zero] = 0.0
-    blurred: NDArray[np.bool_] = (zero & (change > BLURRED)).any(axis=(1, 2))
-    return blurred
+    if doubtful:
+        open_ones |= zero & (change > BLURRED)
+    doubts: NDArray[np.bool_] = open_ones.any(axis=(1, 2))
+    return doubts
 
 
 def _scale(pair: Array) -> None:
-    """Rows and columns with a largest entry of about one."""
-    for _ in range(3):
-        for axis in (2, 3):
-            size = np.abs(pair[0]).max(axis=axis - 1, initial=0.0, keepdims=True)
-            pair /= np.where(size > 0, size, 1.0)
+    """Bring the geometric means of all rows and columns to about one, then the largest of each column, then of each row."""
+    nonzero = pair[0] != 0
+    sizes = np.log(np.abs(pair[0]), out=np.zeros(nonzero.shape), where=nonzero)
+    shift = np.zeros(nonzero.shape)
+    for axis in (1, 2) * 4:
+        count = np.maximum(nonzero.sum(axis=axis, keepdims=True), 1)
+        shift -= ((sizes + shift) * nonzero).sum(axis=axis, keepdims=True) / count
+    for axis in (1, 2):
+        largest = np.where(nonzero, sizes + shift, -np.inf).max(axis=axis, keepdims=True)
+        shift -= np.where(np.isfinite(largest), largest, 0.0)
+    pair /= np.where(nonzero, np.abs(pair[0]), 1.0)
+    pair *= np.where(nonzero, np.exp(np.where(nonzero, sizes + shift, 0.0)), 1.0)

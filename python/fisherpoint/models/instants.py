@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,11 +24,14 @@ from .tape.graph import Graph, Leaves
 from .tape.parts import symbols_of
 from .tape.program import OPERATIONS
 
-SMOOTH_INSTANTS, INSTANTS = 12, 32
+SMOOTH_INSTANTS, INSTANTS = 16, 32
 """Random instants of equations without branches, and of others, which are on random sides of each."""
 
 ROUNDING = 1e-12
 """Share of itself by which every operation is off in the second calculation: far more than rounding."""
+
+NEVER_ZERO = frozenset({"exp", "mul", "div", "pow"})
+"""Operations whose results are other than zero where their operands are."""
 
 Pair: TypeAlias = tuple[Array, Array]
 """The same numbers twice: as they are, and calculated with operations that are off."""
@@ -97,9 +101,9 @@ def _decided_by(expression: Any, sides: Mapping[Any, set[Any]], names: Mapping[A
 
 
 def _around_one(count: int, rng: np.random.Generator) -> Array:
-    """Complex numbers from a tenth to twice one in size."""
-    size, angle = 10.0 ** rng.uniform(-1.0, 0.3, count), rng.uniform(-np.pi, np.pi, count)
-    return np.asarray(size * np.exp(1j * angle))
+    """Complex numbers up to twice one in size: in turn from a tenth on, and from 1e-3, where what saturates does not."""
+    least = np.where(np.arange(count) % 2, -3.0, -1.0)
+    return np.asarray(10.0 ** rng.uniform(least, 0.3) * np.exp(1j * rng.uniform(-np.pi, np.pi, count)))
 
 
 def _nearly_one(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -118,7 +122,11 @@ def _values(graph: Graph, roots: Iterable[int], leaves: Sequence[Array], rng: np
         elif name == "literal":
             found[node] = graph.values[node]
         else:
-            value = _COMPUTE[name](*(found[operand] for operand in graph.operands[node]))
+            operands = [found[operand] for operand in graph.operands[node]]
+            value = _COMPUTE[name](*operands)
+            if name in NEVER_ZERO and not np.all(value):  # an underflow is no zero
+                lost = reduce(lambda so_far, operand: so_far & (operand != 0), operands, value == 0)
+                value = np.where(lost, np.nan, value)
             found[node] = value if rng is None else value * _nearly_one(shape, rng)
     return [np.broadcast_to(np.asarray(found[node], complex), shape) for node in roots]
 
