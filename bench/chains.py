@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import fisherpoint as fp
+
+from .timing import least_seconds
 
 WITHIN_X, WITHIN_S = 1e-6, 1e-5
 LADDER = 10.0 ** -np.arange(3, 11.5, 0.5)
@@ -112,20 +113,9 @@ def measured(chain: Chain, of_s: bool) -> Row:
         "each": lambda: ours(many, spread, rtol),
         **{formula: lambda solve=solve: solve(theta) for formula, (_, solve) in peers.items()},  # type: ignore[misc]
     }
-    times = least_times(tasks)
+    times = {name: 1e3 * seconds for name, seconds in least_seconds(tasks, ROUNDS).items()}
     best = min(peers, key=lambda formula: times[formula])
     return Row(chain.kind, len(chain.f), of_s, rtol, peers[best][0], times["one"], times["each"] / BATCH, times[best])
-
-
-def least_times(tasks: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Processor time of each, ms: the least of several, taken in turn."""
-    least = dict.fromkeys(tasks, np.inf)
-    for _ in range(ROUNDS):
-        for name, task in tasks.items():
-            began = process_time()
-            task()
-            least[name] = min(least[name], 1e3 * (process_time() - began))
-    return least
 
 
 def fits(found: Ends, expected: Ends, share: float = 1.0) -> bool:

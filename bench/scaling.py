@@ -1,11 +1,12 @@
 """How the cost grows: ``python -m bench scaling``.
 
-With nodes R, candidates M, points L of a design, parameters p, points K at once, and threads.
+With nodes R, candidates M, points L of a design, states n_x, parameters p, outputs n_y, points K at once, and threads. Seconds are
+of the processor, but for those over threads, which are of the clock.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,7 +17,8 @@ import fisherpoint as fp
 from fisherpoint.engine import _core
 from fisherpoint.points.settings import resolve_threads
 
-from .timing import best_times
+from .chains import Chain, diffusion, masses
+from .timing import best_times, least_seconds
 from .workload import MODEL, PRIOR, Array, candidates, random_pairs
 
 AXES = 7
@@ -24,6 +26,16 @@ AXES = 7
 
 MIXED = 12
 """Candidates of the smallest set, spread over all; larger sets repeat them, so that a candidate costs the same in each."""
+
+
+BATCH = 256
+"""Trajectories of chains in one call."""
+
+STATES = (6, 12, 24, 50, 100, 200)
+COUNTS = (1, 2, 5, 10, 20, 40)
+
+CHAIN = 40
+"""States of the chain of masses of which parameters and outputs are varied."""
 
 
 @dataclass(frozen=True)
@@ -52,16 +64,31 @@ def measure(quick: bool) -> list[Series]:
         _series("M", "predictive covariances", _over_candidates(), rounds, 0.95, 1.05),
         _series("L", "500 candidates beside L points", _over_points(), rounds, None, 0.1),
         _series("p", "500 candidates, p parameters", _over_parameters(), rounds, None, None),
+        _series("n_x", "trajectories, masses", _over_states(masses, quick, False), rounds, None, None),
+        _series("n_x", "sensitivities, masses", _over_states(masses, quick, True), rounds, None, None),
+        _series("n_x", "trajectories, diffusion", _over_states(diffusion, quick, False), rounds, None, None),
+        _series("n_x", "sensitivities, diffusion", _over_states(diffusion, quick, True), rounds, None, None),
+        _series("p", "sensitivities, one output", _of_springs([(p, 1) for p in COUNTS]), rounds, None, None),
+        _series("p", f"sensitivities, {CHAIN} outputs", _of_springs([(p, CHAIN) for p in COUNTS]), rounds, None, None),
+        _series("n_y", f"sensitivities, {CHAIN} parameters", _of_springs([(CHAIN, n) for n in COUNTS]), rounds, None, None),
         _series("K", "sensitivities of K points", _over_batches(), rounds, None, None),
-        _series("threads", "predictive covariances", _over_threads(), rounds, None, None),
+        _series("threads", "predictive covariances", _over_threads(), rounds, None, None, clock=True),
     ]
 
 
 def _series(
-    quantity: str, what: str, tasks: Mapping[int, Callable[[], object]], rounds: int, low: float | None, high: float | None
+    quantity: str,
+    what: str,
+    tasks: Mapping[int, Callable[[], object]],
+    rounds: int,
+    low: float | None,
+    high: float | None,
+    clock: bool = False,
 ) -> Series:
-    best = best_times({str(value): task for value, task in tasks.items()}, rounds)
-    seconds = [best[str(value)].seconds for value in tasks]
+    named = {str(value): task for value, task in tasks.items()}
+    of_clock = {name: timing.seconds for name, timing in best_times(named, rounds).items()} if clock else {}
+    least = of_clock or least_seconds(named, rounds)
+    seconds = [least[str(value)] for value in tasks]
     exponent = float(np.polyfit(np.log(list(tasks)), np.log(seconds), 1)[0]) if len(tasks) > 1 else float("nan")
     return Series(quantity, what, list(tasks), seconds, exponent, low, high)
 
@@ -100,6 +127,53 @@ def _over_batches() -> dict[int, Callable[[], object]]:
         count: partial(fp.sensitivities, MODEL, pairs.points[:count], pairs.theta[:count], threads=1, jumps="exclude")
         for count in (1, 3, 50, 10000)
     }
+
+
+def _over_states(kind: Callable[[int], Chain], quick: bool, sensitivities: bool) -> dict[int, Callable[[], object]]:
+    """Chains with two parameters whose last state is measured, at the default tolerance."""
+    return {n: _call(chain.model(), chain, sensitivities) for n in (STATES[:-1] if quick else STATES) for chain in [kind(n)]}
+
+
+def _call(model: fp.SymbolicModel, chain: Chain, sensitivities: bool) -> Callable[[], object]:
+    """A batch of trajectories of a chain; parameters are spread by 5 %."""
+    theta = np.array([chain.theta[q.name] for q in model.parameters])
+    spread = theta * (1 + 0.05 * np.random.default_rng(0).standard_normal((BATCH, len(theta))))
+    function = fp.sensitivities if sensitivities else fp.simulate
+    call = partial(function, model, chain.points(BATCH), spread, threads=1)
+    if call().status.any():
+        raise RuntimeError(f"expected trajectories of {chain.kind} with {len(chain.f)} states, given {call().status}")
+    return call
+
+
+def _of_springs(counts: Sequence[tuple[int, int]]) -> dict[int, Callable[[], object]]:
+    """A chain of masses with springs and dampers of their own, so many of them parameters, and so many states measured.
+
+    The key is whichever number is not the same for all.
+    """
+    chain = masses(CHAIN)
+    f, theta = dict(chain.f), {}
+    for kind in "kd":
+        for i in range(1, CHAIN // 2 + 1):
+            theta[f"{kind}{i}"] = chain.theta[kind]
+    for i in range(1, CHAIN // 2 + 1):
+        before = f"k{i}*(x{i - 1} - x{i}) + d{i}*(v{i - 1} - v{i})" if i > 1 else "-k1*x1 - d1*v1"
+        behind = f" + k{i + 1}*(x{i + 1} - x{i}) + d{i + 1}*(v{i + 1} - v{i})" if i < CHAIN // 2 else " + 1"
+        f[f"v{i}"] = before + behind
+    own = chain._replace(f=f, theta=theta)
+    order = [name for pair in zip(list(theta)[: CHAIN // 2], list(theta)[CHAIN // 2 :], strict=True) for name in pair]
+    found: dict[int, Callable[[], object]] = {}
+    for p, n_y in counts:
+        whole = fp.SymbolicModel(
+            list(f.values()),
+            list(f)[-n_y:],
+            {name: ("1", 1.0) for name in f},
+            {},
+            dict.fromkeys(order, "1"),
+            check_units=False,
+        )
+        model = whole.fix(**{name: theta[name] for name in order[p:]}) if p < len(order) else whole
+        found[p if len({of[0] for of in counts}) > 1 else n_y] = _call(model, own, True)
+    return found
 
 
 def _over_points() -> dict[int, Callable[[], object]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
@@ -137,13 +137,13 @@ class Identifiability(Shown, Kept):
         rank = f"rank {'at least ' if self.not_known else ''}{self.rank} of {len(self.parameters)} parameters"
         some = f", at {self.rank_at} of {self.n_theta} theta" if self.rank_at < self.n_theta else ""
         rows = [("", f"{verdicts[self.identifiable]}: {rank}{some}")]
-        rows += [("null", text) for text in self.null_directions]
+        rows += [("null", f"{text}{self._place(of)}") for text, of in zip(self.null_directions, self.null_components, strict=True)]
         rows += [("open", text) for text in self.not_known]
         rows += [("weak", text) for text in self.weak]
         if self.idle:
             rows.append(("idle", f"{', '.join(self.idle)}: does not influence any output"))
         if len(self.blocks) > 1:
-            rows.append(("blocks", ", ".join(f"{{{', '.join(block)}}}" for block in self.blocks)))
+            rows += [(f"block {number}", ", ".join(block)) for number, block in enumerate(self.blocks, 1)]
         if self.unknown_start:
             rows.append(("not known", ", ".join(f"the start of {name}" for name in self.unknown_start)))
         # Of a theta with this rank: what is smaller at others belongs to a lower one.
@@ -153,6 +153,12 @@ class Identifiability(Shown, Kept):
         lost = ", ".join(f"{reason} {count}" for reason, count in self.left_out.items())
         rows.append(("from", f"{self.n_points} points at {self.n_theta} theta{f'; left out: {lost}' if lost else ''}"))
         return rows
+
+    def _place(self, changed: Iterable[str]) -> str:
+        """The block of a null direction, by the parameters that change; of one of idle parameters none."""
+        changed = set(changed)
+        met = [str(number) for number, block in enumerate(self.blocks, 1) if changed & set(block)]
+        return f" (block {' and '.join(met)})" if len(self.blocks) > 1 and met else ""
 
 
 def identifiability(

@@ -238,12 +238,14 @@ class Model(ABC):
 
     @property
     def blocks(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of parameters that can be identified independently of each other, by the structure of the equations.
+        """Groups of parameters that can be identified independently of each other, by the equations.
 
-        An equation all of whose states are known from the measured outputs separates: a state that is an output is known, and so
-        is v in q' = v with q known. Parameters belong together where they stand in the same equation, or in equations that share
-        a state that is not known. This holds for outputs that are measured without gap or error, not for a design: see
-        `fisherpoint.models.dependence.blocks_of` for the rule, and `fisherpoint.identifiability` for what a region shows.
+        A state is known where the measured outputs determine it, such as one that is an output, v in q' = v with q known, and
+        the pose of a platform on legs whose lengths are measured. Rates of known states are equations in parameters and
+        in what is not known, and parameters belong together where these do not separate: rates of a body in six directions
+        separate the frictions of its six legs. What the outputs leave open is open within a block. This holds for outputs that
+        are measured without gap or error, locally and generically, not for a design: see `fisherpoint.models.blocks` for
+        the rule, and `fisherpoint.identifiability` for what a region shows.
         """
         return self._dependence.blocks
 

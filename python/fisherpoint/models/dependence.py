@@ -1,36 +1,31 @@
-"""What depends on what in the equations of a model, and which parameters can be identified apart from the others.
-
-This is a statement about structure, made from which symbols stand in which equation. It says nothing about a design, and nothing
-about whether the parameters inside a block can be distinguished: that is what `fisherpoint.identifiability` is for.
-"""
+"""What depends on what in the equations of a model: which symbols stand in which equation."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import sympy
 
 from ..basics.values import FrozenMapping
+from .blocks import Names, Row, Separation
+from .instants import RandomInstants
 from .surfaces.structure import Structure
-from .tape.branch import Select
 from .tape.defined import value_of
-from .tape.parts import parts, symbols_of
-
-Names = tuple[str, ...]
+from .tape.parts import symbols_of
 
 
 @dataclass(frozen=True)
 class Equation:
-    """A rate or an output: the states and parameters that it reads, and the states in which it is affine with known slope.
+    """A rate or an output: the states and parameters that it reads, and whether it holds at every instant as it is written.
 
-    A branch reads what its condition reads.
+    A branch reads what its condition reads. A rate reads too what sets its state anew, and a dead time that is a parameter.
     """
 
     states: frozenset[str]
     parameters: frozenset[str]
-    affine: frozenset[str]
+    plain: bool = True
 
 
 class Dependence:
@@ -41,6 +36,8 @@ class Dependence:
     structure : Structure
     states, inputs, parameters, outputs : tuple of str
         Names, in the order of the equations.
+    sizes : mapping of name to float
+        Usual sizes of states, inputs and parameters; 1 for others.
 
     Attributes
     ----------
@@ -48,16 +45,23 @@ class Dependence:
         Outputs that change with the parameter, directly or through states.
     idle : tuple of str
         Parameters that reach no output.
-    blocks : tuple of tuple of str
-        Parameters, but the idle ones, in groups that can be identified independently of each other; see `blocks_of`.
     shown_states : mapping of state name to output name
         States that are an output as they are, with the first such output.
     direct_inputs : mapping of output name to tuple of input names
         Inputs that stand in the equation of each output.
     """
 
-    def __init__(self, structure: Structure, states: Names, inputs: Names, parameters: Names, outputs: Names) -> None:
-        self._parameters, read = parameters, _Reader(structure, states, parameters)
+    def __init__(
+        self,
+        structure: Structure,
+        states: Names,
+        inputs: Names,
+        parameters: Names,
+        outputs: Names,
+        sizes: Mapping[str, float],
+    ) -> None:
+        self._equations, self._names = structure.equations, (states, inputs, parameters)
+        self._sizes, read = sizes, _Reader(structure, states, parameters)
         self._rates = dict(zip(states, map(read, structure.rates), strict=True))
         for reset in structure.resets:  # which move a state as its rate does, at times that hang on their condition
             event = read(reset.condition)
@@ -65,33 +69,33 @@ class Dependence:
                 name, by = states[structure.equations.states.index(x)], read(value)
                 old = self._rates[name]
                 self._rates[name] = Equation(
-                    old.states | by.states | event.states, old.parameters | by.parameters | event.parameters, frozenset()
+                    old.states | by.states | event.states, old.parameters | by.parameters | event.parameters, plain=False
                 )
         for x, value in (pair for update in structure.updates for pair in update.values):
             name, by = states[structure.equations.states.index(x)], read(value)
             old = self._rates[name]
-            self._rates[name] = Equation(old.states | by.states, old.parameters | by.parameters, frozenset())
-        for name, rate in zip(states, structure.rates, strict=True):  # by the instants in which inputs switch
-            taus = frozenset(str(tau) for u, tau in structure.equations.delays if u in read.symbols(rate))
-            if taus:
-                old = self._rates[name]
-                self._rates[name] = Equation(old.states, old.parameters | taus, frozenset())
+            self._rates[name] = Equation(old.states | by.states, old.parameters | by.parameters, plain=False)
         self._output = dict(zip(outputs, map(read, structure.output), strict=True))
+        written = (states, structure.rates, self._rates), (outputs, structure.output, self._output)
+        for own, name, expression in ((own, *pair) for names, given, own in written for pair in zip(names, given, strict=True)):
+            taus = frozenset(str(tau) for u, tau in structure.equations.delays if u in read.symbols(expression))
+            if taus:  # by the instants in which inputs switch
+                own[name] = Equation(own[name].states, own[name].parameters | taus, plain=False)
         late = {outputs[i]: str(tau) for i, tau in structure.equations.late.items()}
         for name, tau in late.items():
             of = self._output[name]
-            self._output[name] = Equation(of.states, of.parameters | ({tau} & set(parameters)), of.affine)
+            if tau in parameters:
+                self._output[name] = Equation(of.states, of.parameters | {tau}, plain=False)
         behind = {name: self._states_behind(equation.states) for name, equation in self._output.items()}
         reached = {
             name: equation.parameters.union(*(self._rates[state].parameters for state in behind[name]))
             for name, equation in self._output.items()
         }
         self.reaches: Mapping[str, Names] = FrozenMapping(
-            {name: tuple(output for output in outputs if name in reached[output]) for name in self._parameters}
+            {name: tuple(output for output in outputs if name in reached[output]) for name in parameters}
         )
-        self.idle: Names = tuple(name for name in self._parameters if not self.reaches[name])
+        self.idle: Names = tuple(name for name in parameters if not self.reaches[name])
         self._seen = frozenset[str]().union(*behind.values())
-        self.blocks: tuple[Names, ...] = blocks_of(self)
         equations = structure.equations
         shown = {value_of(g): name for name, g in reversed(list(zip(outputs, equations.output, strict=True))) if name not in late}
         self.shown_states: Mapping[str, str] = FrozenMapping(
@@ -103,32 +107,30 @@ class Dependence:
             {name: tuple(u for place, u in places if place in found) for name, found in standing.items()}
         )
 
-    @property
-    def equations(self) -> list[tuple[str | None, Equation]]:
-        """Equations that an output hears of: outputs, with None, and the rates of states."""
-        rates = [(state, equation) for state, equation in self._rates.items() if state in self._seen]
-        return [*((None, equation) for equation in self._output.values()), *rates]
+    @cached_property
+    def blocks(self) -> tuple[Names, ...]:
+        """Parameters, but the idle ones, in groups that are identified apart from each other: see `fisherpoint.models.blocks`."""
+        states, inputs, parameters = self._names
+        equations = self._equations
+        names = dict(zip((*equations.states, *equations.parameters), (*states, *parameters), strict=True))
+        sizes = {
+            symbol: self._sizes.get(name, 1.0) for symbol, name in (*names.items(), *zip(equations.inputs, inputs, strict=True))
+        }
+        instants = RandomInstants(equations, names, sizes)
+        rates, outputs = self._rates.items(), self._output.values()
+        rows = [
+            Row(i, name, rate.states | rate.parameters, rate.plain) for i, (name, rate) in enumerate(rates) if name in self._seen
+        ]
+        rows += [Row(i, None, of.states | of.parameters, of.plain) for i, of in enumerate(outputs, len(rates))]
+        return Separation(rows, self._unmoved, instants).of(parameters)
 
-    def known_states(self) -> frozenset[str]:
-        """States whose course is known where the outputs are measured, as `blocks_of` says."""
-        known: set[str] = set()
-        before = -1
-        while len(known) > before:
-            before = len(known)
-            known |= {name for name in self._rates if not self._moving(name, known)}
-            for state, equation in self.equations:
-                unknown = equation.states - known
-                if (state is None or state in known) and not equation.parameters and len(unknown) == 1:
-                    known |= unknown & equation.affine
-        return frozenset(known)
-
-    def ordered(self, names: Iterable[str]) -> Names:
-        """Parameters in the model's order."""
-        return tuple(sorted(names, key=self._parameters.index))
-
-    def _moving(self, state: str, known: Collection[str]) -> bool:
-        """Whether a parameter moves the state otherwise than through known ones."""
-        return any(self._rates[name].parameters for name in self._states_behind({state}, known))
+    def _unmoved(self, known: frozenset[str]) -> frozenset[str]:
+        """States that no parameter moves but through known states, or that is known itself: they follow from their start."""
+        return frozenset(
+            name
+            for name in self._rates
+            if not any(self._rates[behind].parameters - known for behind in self._states_behind({name}, known))
+        )
 
     def _states_behind(self, states: Iterable[str], known: Collection[str] = ()) -> frozenset[str]:
         """States on which these depend, with these, but for those behind known ones."""
@@ -141,33 +143,6 @@ class Dependence:
         return frozenset(found)
 
 
-def blocks_of(dependence: Dependence) -> tuple[Names, ...]:
-    """Return the blocks of parameters that separate where the outputs are measured without gap or error.
-
-    1. The course of a state is *known* where no parameter moves it, but through known states: its start is given. It is known too
-       where an output, or the rate of a known state, reads no parameter and no other state that is not known, and is affine in
-       it. So a state that is an output is known, and so are v in q' = v where q is, and q where v is.
-    2. The rate of a known state is known too, as its time derivative. Each output, and the rate of each state that reaches one, is
-       an equation in parameters and in states that are not known; the rate of such a state is one in this state as well.
-    3. Parameters belong together where equations connect them: those in the same equation, and those in equations that share a
-       state that is not known.
-
-    Parameters of different blocks never meet in an equation, so each block can be estimated from its own equations alone, with the
-    measured signals put in.
-    """
-    known = dependence.known_states()
-    blocks: list[set[str]] = []  # of parameters, and of states marked by a quote
-    for state, equation in dependence.equations:
-        members = set(equation.parameters) | {f"{name}'" for name in equation.states - known}
-        if state is not None and state not in known:
-            members.add(f"{state}'")
-        joined = [block for block in blocks if block & members]
-        blocks = [block for block in blocks if not block & members] + [members.union(*joined)]
-    named = [dependence.ordered(name for name in block if not name.endswith("'")) for block in blocks]
-    everything = dependence.ordered(name for names in named for name in names)
-    return tuple(sorted((names for names in named if names), key=lambda names: everything.index(names[0])))
-
-
 class _Reader:
     """Reads equations of a model in which branches are symbols for the side of a surface."""
 
@@ -178,27 +153,8 @@ class _Reader:
 
     def __call__(self, expression: sympy.Expr) -> Equation:
         symbols = self.symbols(expression)
-        states = {symbol for symbol in symbols if symbol in self._states}
-        # Used only where a single state is unknown, and then no parameter may stand there.
         parameters = frozenset(self._parameters[symbol] for symbol in symbols if symbol in self._parameters)
-        affine = set() if parameters else {state for state in states if self._is_affine(expression, state)}
-        return Equation(self._names(states), parameters, self._names(affine))
-
-    def _is_affine(self, expression: sympy.Expr, state: sympy.Symbol) -> bool:
-        """Whether the expression is affine in the state, part by part: it is multiplied only with what does not read it."""
-        degrees: dict[Any, int] = {}  # 2 for whatever is not affine
-        for part in parts(expression):
-            below = [degrees[argument] for argument in part.args]
-            if not below:
-                degrees[part] = 2 * (state in self.symbols(part)) if part != state else 1
-            elif isinstance(part, sympy.Add) or (isinstance(part, Select) and not below[0]):
-                degrees[part] = max(below)
-            else:
-                degrees[part] = min(sum(below), 2) if isinstance(part, sympy.Mul) else 2 * any(below)
-        return degrees[expression] < 2
-
-    def _names(self, states: Iterable[sympy.Symbol]) -> frozenset[str]:
-        return frozenset(self._states[state] for state in states)
+        return Equation(frozenset(self._states[symbol] for symbol in symbols if symbol in self._states), parameters)
 
     def symbols(self, expression: sympy.Expr) -> set[sympy.Symbol]:
         """Symbols of an expression and of the surfaces on whose side it depends."""

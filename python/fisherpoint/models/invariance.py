@@ -5,6 +5,7 @@ Sensitivities say less: what only moves a jump has none, at all points whose tra
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from .surfaces.branches import Branches
 from .surfaces.evaluate import evaluate
 from .symbolic import SymbolicModel
 from .tape.branch import Select
-from .tape.parts import parts
+from .tape.parts import parts, symbols_of
 
 STEP = 1e-30
 """Step of the derivatives along complex directions, which lose no digits."""
@@ -33,7 +34,7 @@ def leaves_equations(model: SymbolicModel, theta: Array, change: Array, x: Array
     if {equations.parameters[j] for j in moved} & {*(tau for _, tau in equations.delays), *equations.late.values()}:
         return False  # in which instants inputs switch and outputs are read, no equation shows
     own, hidden = equations.states[: x.shape[1]], equations.states[x.shape[1] :]
-    branches = Branches((*equations.states, *equations.inputs, *equations.parameters), by_side=True)
+    branches = Branches((*equations.states, *equations.inputs, *equations.parameters), by_side=True, most=math.inf)
     anew = [one for reset in equations.resets for one in (reset.condition, *(value for _, value in reset.values))]
     anew += [value for update in equations.updates for _, value in update.values]
     rewritten = [branches.rewrite(expression) for expression in (*equations.rates, *equations.output, *anew)]
@@ -54,7 +55,10 @@ def leaves_equations(model: SymbolicModel, theta: Array, change: Array, x: Array
 
 
 def jumps_by_value(model: SymbolicModel) -> bool:
-    """Whether outputs branch, or rates do by a condition that no state enters: there trajectories are not ended."""
+    """Whether outputs branch, or rates do by a condition that no state enters: there trajectories are not ended.
+
+    Or whether an output reads an input that is delayed by a parameter: it jumps when the input does.
+    """
     structure, parameters = model.structure, frozenset(model.equations.parameters)
 
     def branches_on(expression: Any, values: frozenset[Any]) -> bool:
@@ -62,6 +66,7 @@ def jumps_by_value(model: SymbolicModel) -> bool:
         return any(condition.free_symbols & values for condition in found)
 
     values = parameters | set(model.equations.states)
-    return any(branches_on(output, values) for output in structure.output) or any(
+    delayed = {u for u, _ in structure.equations.delays}
+    return any(branches_on(output, values) or symbols_of(output) & delayed for output in structure.output) or any(
         branches_on(rate, parameters) for rate in structure.rates
     )

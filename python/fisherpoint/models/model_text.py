@@ -9,6 +9,7 @@ import sympy
 from ..basics.messages import printable
 from ..basics.quantity import Quantity
 from .base import Model
+from .blocks import block_lines
 from .expressions import symbol
 from .given_equations import Written
 from .model_to_toml import Texts
@@ -27,10 +28,12 @@ def model_text(model: Model, texts: Texts) -> str:
     sections += [["", *definitions] if definitions else [], ["", *_equations(model, texts), *_resets(texts.resets)]]
     limits = [f"{name} other than 0" for name in model.poles] + [f"{name} > 0" for name in model.domain[len(model.poles) :]]
     facts = {"jumps": [f"{name} = 0" for name in model.jumps], "kinks": [f"{name} = 0" for name in model.kinks], "domain": limits}
-    facts["blocks"] = [f"{{{', '.join(block)}}}" for block in model.blocks]
+    lines = {kind: [", ".join(names)] for kind, names in facts.items()} | {"blocks": block_lines(model.blocks)}
     if model.idle:
-        facts["idle"] = list(model.idle)
-    sections.append(["", *(f"{kind:<12}{', '.join(facts[kind]) or 'none'}" for kind in facts)])
+        lines["idle"] = [", ".join(model.idle)]
+    sections.append(
+        ["", *(f"{kind if i == 0 else '':<12}{line or 'none'}" for kind in lines for i, line in enumerate(lines[kind]))]
+    )
     if sum(map(len, sections)) >= LINES:
         sections = _shortened(sections)
     return "\n".join([model.name, *(line for section in sections for line in section)])

@@ -367,7 +367,10 @@ class SymbolicModel(DescribedModel):
 
     @cached_property
     def _dependence(self) -> Dependence:
-        return Dependence(self.structure, *map(names_of, (self._followed, self.inputs, self.parameters, self.outputs)))
+        sizes = {q.name: q.scale or 1.0 for q in (*self._followed, *self.inputs, *self.parameters)}
+        sizes |= {name: abs(value) for name, value in self.nominal.items() if value != 0}
+        names = [names_of(of) for of in (self._followed, self.inputs, self.parameters, self.outputs)]
+        return Dependence(self.structure, names[0], names[1], names[2], names[3], sizes)
 
     def to_toml(self) -> str:
         """The model as the table [model] of a TOML file; `load_model` reads it back."""

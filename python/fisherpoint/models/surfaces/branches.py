@@ -59,8 +59,9 @@ class Branches:
         by_side: bool,
         inputs: Iterable[sympy.Symbol] = (),
         constants: Mapping[Any, float] | None = None,
+        most: float = MOST_SURFACES,
     ) -> None:
-        self.states, self.by_side = frozenset(states), by_side
+        self.states, self.by_side, self._most = frozenset(states), by_side, most
         self._multiples = Multiples((*self.states, *inputs), constants or {})
         self.surfaces: list[Surface] = []
         self.seamless: dict[Any, Any] = {}
@@ -203,8 +204,8 @@ class Branches:
             (side, second), orientation = found
             self._by_form[form] = side, second, sign * orientation
         if form not in self._by_form:
-            if len(self.surfaces) == MOST_SURFACES:
-                raise ValueError(f"f: expected at most {MOST_SURFACES} switching surfaces, given more")
+            if len(self.surfaces) == self._most:
+                raise ValueError(f"f: expected at most {self._most} switching surfaces, given more")
             shown, turned = reduced(written)
             side, second = (sympy.Dummy(f"side_{len(self.surfaces)}", real=True) for _ in range(2))
             self.surfaces.append(Surface(shown, condition if turned > 0 else -condition, side))
