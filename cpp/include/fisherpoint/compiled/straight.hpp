@@ -29,7 +29,7 @@ inline One pack_of(V a) {
 // The k-th pack behind `from`, of which this vector is a part.
 inline V load(const double* from, int k) { return *reinterpret_cast<const detail::InMemory*>(from + k * lanes); }
 inline void store(double* to, int k, V a) { *reinterpret_cast<detail::InMemory*>(to + k * lanes) = a; }
-inline V all(const double& a) { return a - V{}; }
+inline V all(const double& a) { return in_all(a); }
 
 inline V add(V a, V b) { return a + b; }
 inline V sub(V a, V b) { return a - b; }

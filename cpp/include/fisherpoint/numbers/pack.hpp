@@ -35,6 +35,8 @@ typedef std::int64_t NativeMask __attribute__((vector_size(16)));
 #endif
 inline constexpr int native_lanes = register_bytes / sizeof(double);
 
+inline NativeVector in_all(double a) { return a - NativeVector{}; }
+
 // a b + c, rounded once where the level has an instruction for it, as it is wherever the compiler contracts a product and a
 // sum.
 inline NativeVector fused(NativeVector a, NativeVector b, NativeVector c) {
@@ -77,7 +79,7 @@ inline NativeVector unless_nan(NativeVector a, NativeVector better) {
 inline std::pair<NativeVector, NativeVector> estimated_root(NativeVector a) {
   using enum NumberClass;
   const NativeVector y = _mm512_maskz_rsqrt14_pd(0xff, a);
-  const NativeVector half = 0.5 - NativeVector{}, g = a * y, h = half * y, r = fused(-g, h, half);
+  const NativeVector g = a * y, h = 0.5 * y, r = fused(-g, h, in_all(0.5));
   const NativeVector root = fused(g, r, g), half_inverse = fused(h, r, h);
   constexpr int exact = in_class(zero, Becomes::the_other) | in_class(infinity, Becomes::the_other);
   return {by_class<exact>(fused(fused(-root, root, a), half_inverse, root), a), half_inverse};
@@ -103,8 +105,7 @@ inline std::pair<NativeVector, NativeVector> native_root_and_slope(NativeVector 
   using enum NumberClass;
   const auto [root, h] = estimated_root(a);
   constexpr int limits = in_class(zero, Becomes::infinity) | in_class(infinity, Becomes::zero);
-  const NativeVector one = 1.0 - NativeVector{}, two = one + one;
-  return {root, by_class<limits>(fused(h, fused(-two, root * h, one), h), a)};
+  return {root, by_class<limits>(fused(h, fused(in_all(-2.0), root * h, in_all(1.0)), h), a)};
 #else
   const NativeVector root = native_sqrt(a);
   return {root, 0.5 / root};
@@ -113,8 +114,8 @@ inline std::pair<NativeVector, NativeVector> native_root_and_slope(NativeVector 
 
 inline NativeVector native_quotient(NativeVector a, NativeVector b) {
 #if defined(__AVX512F__)
-  const NativeVector rough = _mm512_maskz_rcp14_pd(0xff, b), one = 1.0 - NativeVector{};
-  const NativeVector y = unless_nan(rough, fused(rough, fused(-b, rough, one), rough)), q = a * y;
+  const NativeVector rough = _mm512_maskz_rcp14_pd(0xff, b);
+  const NativeVector y = unless_nan(rough, fused(rough, fused(-b, rough, in_all(1.0)), rough)), q = a * y;
   return unless_nan(q, fused(fused(-b, q, a), y, q));
 #else
   return a / b;
@@ -190,7 +191,7 @@ struct Pack {
 
   Pack() = default;
   Pack(double s) {
-    for (int k = 0; k < parts; ++k) part[k] = s - NativeVector{};
+    for (int k = 0; k < parts; ++k) part[k] = in_all(s);
   }
   static Pack load(const double* from) {
     Pack r;
