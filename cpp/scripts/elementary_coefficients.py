@@ -1,7 +1,7 @@
 """Coefficients of numbers/elementary.hpp: best polynomials by Remez' exchange of nodes, and constants cut into parts.
 
 Printed are arrays of C++, lowest power first, and of each the largest error, relative to the function. What is fitted is the
-factor of the highest known power: of exp(r) = 1 + r + r^2 q(r) it is q, so that coefficients which must be exact are.
+factor of the highest known power: in exp(r) = 1 + r + r^2 / 2 + r^3 q(r) it is q, so that coefficients which are exact stay so.
 """
 
 from __future__ import annotations
@@ -81,8 +81,9 @@ def main() -> None:
     show("half_pi", cut(mp.pi / 2, [36, 36, 36]))
 
     end, tiny = mp.log(2) / 2 * (1 + mp.mpf(2) ** -20), mp.mpf(2) ** -40
-    q = best(lambda r: (mp.expm1(r) - r) / r**2, lambda r: r**2 / mp.exp(r), tiny - end, end, 9)
-    show("exp_q", q, largest(lambda r: (1 + r + r**2 * polynomial(q)(r)) / mp.exp(r) - 1, -end, end))
+    # Relative to exp(r) - 1, from which hyperbolic functions are made.
+    q = best(lambda r: (mp.expm1(r) - r - r**2 / 2) / r**3, lambda r: r**3 / mp.expm1(r), tiny - end, end, 9)
+    show("exp_q", q, largest(lambda r: (r + r**2 / 2 + r**3 * polynomial(q)(r)) / mp.expm1(r) - 1, tiny - end, end))
 
     # log((1 + s) / (1 - s)) = 2 s + s^3 p(s^2)
     end = ((mp.sqrt(2) - 1) / (mp.sqrt(2) + 1)) ** 2 * (1 + mp.mpf(2) ** -20)
@@ -91,7 +92,7 @@ def main() -> None:
 
     # sin r = r + r^3 s(r^2), cos r = 1 - r^2 / 2 + r^4 c(r^2)
     end = (mp.pi / 4) ** 2 * (1 + mp.mpf(2) ** -15)
-    s = best(lambda z: (mp.sinc(mp.sqrt(z)) - 1) / z, lambda z: z / mp.sinc(mp.sqrt(z)), tiny, end, 5)
+    s = best(lambda z: (mp.sinc(mp.sqrt(z)) - 1) / z, lambda z: z / mp.sinc(mp.sqrt(z)), tiny, end, 6)
     show("sin_s", s, largest(lambda z: (1 + z * polynomial(s)(z)) / mp.sinc(mp.sqrt(z)) - 1, tiny, end))
     c = best(lambda z: (mp.cos(mp.sqrt(z)) - 1 + z / 2) / z**2, lambda z: z**2 / mp.cos(mp.sqrt(z)), tiny, end, 5)
     show("cos_c", c, largest(lambda z: (1 - z / 2 + z**2 * polynomial(c)(z)) / mp.cos(mp.sqrt(z)) - 1, tiny, end))

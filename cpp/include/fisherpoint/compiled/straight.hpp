@@ -5,6 +5,7 @@
 
 #include "fisherpoint/equations/tape_lanes.hpp"
 #include "fisherpoint/models/straight_functions.hpp"
+#include "fisherpoint/numbers/elementary.hpp"
 #include "fisherpoint/numbers/functions.hpp"
 
 namespace fisherpoint::straight {
@@ -46,21 +47,19 @@ inline V min(V a, V b) { return a < b ? a : b; }
 inline V max(V a, V b) { return b < a ? a : b; }
 inline V select(V a, V b, V c) { return V{} < a ? b : c; }
 
+using elementary::cos;
+using elementary::cosh;
+using elementary::exp;
+using elementary::log;
+using elementary::sin;
+using elementary::sinh;
+using elementary::tan;
+using elementary::tanh;
+
 // Not inline: a program has many of them, and each is long.
-#define FISHERPOINT_CALLED(name) \
-  [[gnu::noinline]] inline V name(V a) { return fisherpoint::name(detail::pack_of(a)).part[0]; }
-FISHERPOINT_CALLED(exp)
-FISHERPOINT_CALLED(log)
-FISHERPOINT_CALLED(sin)
-FISHERPOINT_CALLED(cos)
-FISHERPOINT_CALLED(tan)
-FISHERPOINT_CALLED(asin)
-FISHERPOINT_CALLED(acos)
-FISHERPOINT_CALLED(atan)
-FISHERPOINT_CALLED(sinh)
-FISHERPOINT_CALLED(cosh)
-FISHERPOINT_CALLED(tanh)
-#undef FISHERPOINT_CALLED
+[[gnu::noinline]] inline V asin(V a) { return fisherpoint::asin(detail::pack_of(a)).part[0]; }
+[[gnu::noinline]] inline V acos(V a) { return fisherpoint::acos(detail::pack_of(a)).part[0]; }
+[[gnu::noinline]] inline V atan(V a) { return fisherpoint::atan(detail::pack_of(a)).part[0]; }
 [[gnu::noinline]] inline V pow(V a, V b) { return power(detail::pack_of(a), detail::pack_of(b)).part[0]; }
 
 }  // namespace fisherpoint::straight
