@@ -31,7 +31,11 @@ from .tape.programs import Programs
 from .temporary_directories import Temporary
 
 MOST_OF_KERNELS = 64
-"""The most states and parameters together of a model with kernels of its own: they are bits of one word to the compiler."""
+"""The most states and parameters together of a model with kernels of its own: they are bits of one word to the compiler.
+
+Straight functions are built in a hundredth of the time and serve trajectories as well. But sensitivities of chains of 8, 16 and 24
+states with as many parameters took 1.3, 1.5 and 1.8 times as long by them: kernels of tapes do not know patterns as types.
+"""
 
 _NAME = "CompiledModel"
 _MODEL = "model.hpp"
