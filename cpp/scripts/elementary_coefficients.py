@@ -7,6 +7,7 @@ factor of the highest known power: in exp(r) = 1 + r + r^2 / 2 + r^3 q(r) it is 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import mpmath as mp
@@ -32,9 +33,9 @@ def best(target: Function, weight: Function, low: Real, high: Real, degree: int,
 
 def _extremes(error: Function, low: Real, high: Real, nodes: list[Real]) -> list[Real]:
     """Where the error is largest between its changes of sign, which lie between the nodes."""
-    zeros = [mp.findroot(error, (a, b), solver="anderson", tol=1e-60, verify=False) for a, b in zip(nodes, nodes[1:], strict=False)]
+    zeros = [mp.findroot(error, (a, b), solver="anderson", tol=1e-60, verify=False) for a, b in pairwise(nodes)]
     ends = [low, *zeros, high]
-    return [_largest(error, a, b) for a, b in zip(ends, ends[1:], strict=False)]
+    return [_largest(error, a, b) for a, b in pairwise(ends)]
 
 
 def _largest(error: Function, a: Real, b: Real) -> Real:
