@@ -22,10 +22,11 @@ import numpy as np
 
 import fisherpoint as fp
 
-from .chains import least_times
 from .hexapod import textbook
+from .timing import least_seconds
 
 BATCH = 64
+ROUNDS = 5
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "hexapod"
 
 
@@ -94,7 +95,7 @@ def rows(names: list[str]) -> Iterator[str]:
             tasks: dict[str, Callable[[], Any]] = {key: partial(of, m, points, theta, threads=1) for key, m in both.items()}
             one, other = (arrays_of(task()) for task in tasks.values())
             bits = "the same" if one == other else "others"
-            times = {key: time / BATCH for key, time in least_times(tasks).items()}
+            times = {key: 1e3 * seconds / BATCH for key, seconds in least_seconds(tasks, ROUNDS).items()}
             ratio = times["interpreted"] / times["compiled"]
             each = f"{times['interpreted']:.3f} | {times['compiled']:.3f} | {ratio:.2f}"
             yield f"| {name} | {used:.1f} | {lasted:.1f} | {what} | {each} | {bits} |"
