@@ -3,6 +3,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "fisherpoint/compiled/compiled_model.hpp"
+#include "fisherpoint/compiled/straight_model.hpp"
 #include "fisherpoint/equations/tape_equations.hpp"
 
 namespace fisherpoint::bindings {
@@ -182,6 +183,8 @@ void bind_tape(py::module_& m) {
           "x"_a, "u"_a, "theta"_a);
 
   py::class_<CompiledModel, TapeModel>(m, "CompiledModel")
+      .def(py::init<const TapeModel&, const std::string&>(), "tape"_a, "library"_a);
+  py::class_<StraightModel, TapeModel>(m, "StraightModel")
       .def(py::init<const TapeModel&, const std::string&>(), "tape"_a, "library"_a);
 }
 

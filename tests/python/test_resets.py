@@ -282,11 +282,6 @@ def test_what_resets_move_is_reached() -> None:
     assert ball().jumps == ball().crossable == ("x",)
 
 
-def test_a_compiled_model_stays_interpreted() -> None:
-    with pytest.warns(UserWarning, match=r"compile: expected a model without latch\(\) and resets"):
-        assert not ball().compile().compiled
-
-
 def test_mistakes_are_named() -> None:
     for resets, text in (
         ({"x < 0": {"w": "1"}}, "names of states, x, v; given unknown 'w'"),

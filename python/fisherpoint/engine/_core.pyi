@@ -16,6 +16,7 @@ __all__: list[str] = [
     "PriorGrid",
     "PriorNodes",
     "Program",
+    "StraightModel",
     "TapeModel",
     "cells",
     "cells_between",
@@ -223,6 +224,9 @@ class TapeModel:
         """
 
 class CompiledModel(TapeModel):
+    def __init__(self, tape: TapeModel, library: str) -> None: ...
+
+class StraightModel(TapeModel):
     def __init__(self, tape: TapeModel, library: str) -> None: ...
 
 class PriorNodes:

@@ -39,9 +39,6 @@ from .tape.program import Program, to_core
 from .tape.programs import LIMIT
 from .written import WrittenEquations
 
-MOST_COMPILED = 64
-"""The most states and parameters together of a model that is compiled: they are bits of one word to the compiler."""
-
 MOST_MISTAKES = 5
 """Maximum number of mistakes in units that a warning lists."""
 
@@ -218,23 +215,17 @@ class SymbolicModel(DescribedModel):
         return (*self.states, *latches, *clock)
 
     def compile(self) -> SymbolicModel:
-        """Return the model with kernels compiled for it, which are two to three times as fast as interpreted ones.
+        """Return the model compiled, which is two to three times as fast as interpreted.
 
-        Building them takes a minute or so, once: a cache keeps them for every later run (``FISHERPOINT_CACHE`` names another
-        directory for it than the user's own). It takes a C++ compiler, g++ or clang++; without one the model goes on
-        interpreted, and a warning says so. Where others could write to the cache, or it cannot be written at all, a warning says so
-        too, and the kernels last as long as the process. Results differ by rounding, so that a pickled copy is compiled as well, or
-        an error where another compiler, other flags, or none would have it compute otherwise. A model with latch(), resets, or
-        more than 64 states and parameters together stays interpreted, with a warning.
+        A model of up to 64 states and parameters together gets kernels of its own, and results that differ by rounding. They
+        take a minute or so to build, once: a cache keeps them for every later run (``FISHERPOINT_CACHE`` names another
+        directory for it than the user's own). A larger model, and one with latch() or resets, gets functions for its equations and
+        their derivatives, within seconds, and the same results to the last bit. It takes a C++ compiler, g++ or clang++; without
+        one the model goes on interpreted, and a warning says so. Where others could write to the cache, or it cannot be written
+        at all, a warning says so too, and what was built lasts as long as the process. A pickled copy is compiled as well, or
+        an error where another compiler, other flags, or none would have it compute otherwise.
         """
         if self.compiled:
-            return self
-        if self.structure.resets or self.updates:
-            warnings.warn("compile: expected a model without latch() and resets; the model stays interpreted", stacklevel=2)
-            return self
-        if (count := len(self._followed) + len(self.parameters)) > MOST_COMPILED:
-            what = f"expected at most {MOST_COMPILED} states and parameters together, given {count}"
-            warnings.warn(f"compile: {what}; the model stays interpreted", stacklevel=2)
             return self
         compiled = copy.copy(self)
         compiled.__dict__.pop("core", None)

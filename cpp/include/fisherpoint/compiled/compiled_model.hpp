@@ -1,13 +1,12 @@
 // A tape with kernels that were compiled for it while the program runs: the same model, faster.
 #pragma once
 
-#include <dlfcn.h>
-
 #include <new>
 #include <stdexcept>
 #include <string>
 
 #include "fisherpoint/compiled/c_interface.hpp"
+#include "fisherpoint/compiled/library.hpp"
 #include "fisherpoint/kernels/predictive_covariance.hpp"
 #include "fisherpoint/kernels/run_sensitivities.hpp"
 #include "fisherpoint/kernels/runs.hpp"
@@ -20,16 +19,8 @@ namespace fisherpoint {
 class CompiledModel : public TapeModel {
  public:
   // Throws std::runtime_error where the shared object is none for a model. It stays loaded.
-  CompiledModel(const TapeModel& tape, const std::string& path) : TapeModel(tape) {
-    void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-    if (!library) throw std::runtime_error(path + ": expected a shared object, given: " + dlerror());
-    const auto kernels = reinterpret_cast<FisherpointLibrary*>(dlsym(library, "fisherpoint_kernels"));
-    if (!kernels) throw std::runtime_error(path + ": expected the function fisherpoint_kernels, given none");
-    kernels_ = kernels();
-    if (kernels_->version != fisherpoint_interface_version)
-      throw std::runtime_error(path + ": expected version " + std::to_string(fisherpoint_interface_version) +
-                               " of the kernels' interface, given " + std::to_string(kernels_->version));
-  }
+  CompiledModel(const TapeModel& tape, const std::string& path)
+      : TapeModel(tape), kernels_(table_of<FisherpointLibrary>(path, "fisherpoint_kernels", fisherpoint_interface_version)) {}
 
   const FisherpointKernels& kernels() const { return *kernels_; }
 

@@ -6,7 +6,8 @@
 
 namespace fisherpoint {
 
-// A program with the registers that it works on. Leaves are read where the caller keeps them.
+// A program with the registers that it works on. Leaves are read where the caller keeps them. Functions that were compiled for
+// the program (straight_functions.hpp) compute the same, to the last bit.
 template <class P>
 class Machine {
  public:
@@ -14,7 +15,15 @@ class Machine {
 
   // `theta` and `u` must outlive the machine.
   Machine(const Program& program, const Shape<TapeModel>& shape, const Array& theta, const Array& u)
-      : program_(program), own_(program.registers - theta.size() - u.size()), at_(program.registers) {
+      : program_(program),
+        straight_(fits(program.straight) ? program.straight : nullptr),
+        own_(straight_ ? straight_->packs : program.registers - theta.size() - u.size()),
+        at_(straight_ ? 0 : program.registers) {
+    if (straight_) {
+      leaves_ = {numbers_of(theta), numbers_of(u), nullptr, nullptr, nullptr};
+      straight_->setup(&leaves_, numbers_of(own_));
+      return;
+    }
     const P** next = at_.begin();
     P* own = own_.begin();
     for (const double literal : program.literals) *own = P(literal), *next++ = own++;
@@ -27,23 +36,32 @@ class Machine {
   }
 
   void run(const Array& x) {
+    if (straight_) {
+      leaves_.x = numbers_of(x);
+      straight_->stage(&leaves_, numbers_of(own_));
+      return;
+    }
     refer(x_, x);
     carry_out(program_.stage, at_.data());
   }
   void run(const Array& x, const Array& side) {
-    for (const P** place = side_; place != dx_; ++place) *place = &side[place - side_];
+    leaves_.side = numbers_of(side);
+    if (!straight_)
+      for (const P** place = side_; place != dx_; ++place) *place = &side[place - side_];
     run(x);
   }
   void run_along(const Array& x, const Array& dx) {
-    refer(dx_, dx);
+    leaves_.dx = numbers_of(dx);
+    if (!straight_) refer(dx_, dx);
     run(x);
   }
   void run_along(const Array& x, const Array& dx, const Array& side) {
-    refer(dx_, dx);
+    leaves_.dx = numbers_of(dx);
+    if (!straight_) refer(dx_, dx);
     run(x, side);
   }
 
-  const P& output(int i) const { return *at_[program_.outputs[i]]; }
+  const P& output(int i) const { return straight_ ? own_[i] : *at_[program_.outputs[i]]; }
 
  private:
   [[gnu::noinline]] static void carry_out(const std::vector<Instruction>& instructions, const P* const* at) {
@@ -136,12 +154,21 @@ class Machine {
     }
   }
 
+  // Whether functions are for such packs, and for the level at which this is compiled.
+  static bool fits(const FisherpointProgram* straight) {
+    return straight && straight->lanes == lanes_of<P>::width && straight->register_bytes == register_bytes;
+  }
+  static const double* numbers_of(const Array& packs) { return reinterpret_cast<const double*>(packs.data()); }
+  static double* numbers_of(Array& packs) { return reinterpret_cast<double*>(packs.data()); }
+
   static const P** refer(const P** place, const Array& leaves) {
     for (const P& leaf : leaves) *place++ = &leaf;
     return place;
   }
 
   const Program& program_;
+  const FisherpointProgram* straight_;  // its functions, which do the work if there are any
+  FisherpointLeaves leaves_{};
   Array own_;                    // literals and what is computed
   HeapArray<const P*> at_;       // where every register is
   const P **x_, **side_, **dx_;  // where these leaves are told

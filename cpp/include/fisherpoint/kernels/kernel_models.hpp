@@ -5,6 +5,7 @@
 
 #include "fisherpoint/equations/state_equation.hpp"
 #include "fisherpoint/equations/tape_equations.hpp"
+#include "fisherpoint/equations/tape_lanes.hpp"
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/models/hydraulic_cylinder.hpp"
 #include "fisherpoint/numbers/pack.hpp"
@@ -13,9 +14,8 @@ namespace fisherpoint {
 
 template <class M>
 inline constexpr int lanes_for = native_lanes;
-// Enough for the arithmetic to outweigh the decoding of an operation, few enough for the registers to stay in the cache.
 template <>
-inline constexpr int lanes_for<TapeModel> = native_lanes < 8 ? 16 : 32;
+inline constexpr int lanes_for<TapeModel> = tape_lanes;
 
 #if defined(FISHERPOINT_MODEL)
 // Compiled once, in cpp/src/integrator.cpp and integrator_54.cpp: they are most of what a kernel takes to compile.

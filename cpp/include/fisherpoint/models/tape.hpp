@@ -16,6 +16,7 @@
 
 #include "fisherpoint/models/dependence.hpp"
 #include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/models/straight_functions.hpp"
 #include "fisherpoint/numbers/elimination_order.hpp"
 
 namespace fisherpoint {
@@ -68,6 +69,7 @@ struct Program {
   std::vector<Instruction> stage;  // once for every x
   std::vector<std::int32_t> outputs;
   std::int32_t registers;
+  const FisherpointProgram* straight = nullptr;  // functions that do the same on packs of one width and level, if any
 };
 
 class TapeModel;
@@ -218,6 +220,23 @@ class TapeModel {
   const EliminationOrder* order() const { return order_ ? &*order_ : nullptr; }
   const EliminationOrder* stages_order() const { return stages_order_ ? &*stages_order_ : nullptr; }
   int gradients_end() const { return static_cast<int>(programs_.jump_jacobian.outputs.size() - jump_entries_.size()); }
+
+ protected:
+  // Functions that do what the lists say; they must outlive the model and its copies.
+  void attach(const FisherpointPrograms& functions) {
+    programs_.rates.straight = &functions.rates;
+    programs_.output.straight = &functions.output;
+    programs_.surfaces.straight = &functions.surfaces;
+    programs_.surface_rates.straight = &functions.surface_rates;
+    programs_.state_jacobian.straight = &functions.state_jacobian;
+    programs_.rate_jacobian.straight = &functions.rate_jacobian;
+    programs_.output_jacobian.straight = &functions.output_jacobian;
+    programs_.jump_jacobian.straight = &functions.jump_jacobian;
+    resets_.program.straight = &functions.resets;
+    resets_.jacobian.straight = &functions.reset_jacobian;
+    updates_.program.straight = &functions.updates;
+    updates_.jacobian.straight = &functions.update_jacobian;
+  }
 
  private:
   Shape<TapeModel> shape_;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "fisherpoint/numbers/dual.hpp"
+#include "fisherpoint/numbers/elementary.hpp"
 #include "fisherpoint/numbers/pack.hpp"
 
 namespace fisherpoint {
@@ -19,23 +20,42 @@ P each_lane(const P& a, double (*function)(double)) {
 template <class P>
 concept NoDual = variables_of<P> == 0 && requires(const P& a) { value_of(a) > P(0.0); };
 
-#define FISHERPOINT_PLAIN(name)                                 \
+// Of a plain number what a vector of it has in its lanes, so that both are the same bits.
+template <class P>
+P each_part(const P& a, NativeVector (*function)(NativeVector)) {
+  if constexpr (std::same_as<P, double>) {
+    return function(in_all(a))[0];
+  } else {
+    P r;
+    for (int k = 0; k < P::parts; ++k) r.part[k] = function(a.part[k]);
+    return r;
+  }
+}
+
+#define FISHERPOINT_WHOLE(name)            \
+  template <NoDual P>                      \
+  P name(const P& a) {                     \
+    return each_part(a, elementary::name); \
+  }
+FISHERPOINT_WHOLE(exp)
+FISHERPOINT_WHOLE(log)
+FISHERPOINT_WHOLE(sin)
+FISHERPOINT_WHOLE(cos)
+FISHERPOINT_WHOLE(tan)
+FISHERPOINT_WHOLE(sinh)
+FISHERPOINT_WHOLE(cosh)
+FISHERPOINT_WHOLE(tanh)
+#undef FISHERPOINT_WHOLE
+
+#define FISHERPOINT_EACH_LANE(name)                             \
   template <NoDual P>                                           \
   P name(const P& a) {                                          \
     return each_lane(a, [](double x) { return std::name(x); }); \
   }
-FISHERPOINT_PLAIN(exp)
-FISHERPOINT_PLAIN(log)
-FISHERPOINT_PLAIN(sin)
-FISHERPOINT_PLAIN(cos)
-FISHERPOINT_PLAIN(tan)
-FISHERPOINT_PLAIN(asin)
-FISHERPOINT_PLAIN(acos)
-FISHERPOINT_PLAIN(atan)
-FISHERPOINT_PLAIN(sinh)
-FISHERPOINT_PLAIN(cosh)
-FISHERPOINT_PLAIN(tanh)
-#undef FISHERPOINT_PLAIN
+FISHERPOINT_EACH_LANE(asin)
+FISHERPOINT_EACH_LANE(acos)
+FISHERPOINT_EACH_LANE(atan)
+#undef FISHERPOINT_EACH_LANE
 
 template <NoDual P>
 P power(const P& a, const P& b) {

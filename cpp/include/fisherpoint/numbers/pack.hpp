@@ -14,6 +14,8 @@
 #include <utility>
 #if defined(__x86_64__)
 #include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
 #endif
 
 namespace fisherpoint {
@@ -32,6 +34,22 @@ typedef double NativeVector __attribute__((vector_size(16)));
 typedef std::int64_t NativeMask __attribute__((vector_size(16)));
 #endif
 inline constexpr int native_lanes = register_bytes / sizeof(double);
+
+inline NativeVector in_all(double a) { return a - NativeVector{}; }
+
+// a b + c, rounded once where the level has an instruction for it, as it is wherever the compiler contracts a product and a
+// sum.
+inline NativeVector fused(NativeVector a, NativeVector b, NativeVector c) {
+#if defined(__AVX512F__)
+  return _mm512_fmadd_pd(a, b, c);
+#elif defined(__AVX__) && defined(__FMA__)
+  return _mm256_fmadd_pd(a, b, c);
+#elif defined(__aarch64__)
+  return (NativeVector)vfmaq_f64((float64x2_t)c, (float64x2_t)a, (float64x2_t)b);
+#else
+  return a * b + c;
+#endif
+}
 
 // Square root and quotient, to within one unit in the last place at every level, and of zeros, infinities and NaN what IEEE 754
 // says, but for the sign of a zero. AVX-512 machines have one slow divider for both, so there they come from the 14-bit
@@ -61,10 +79,10 @@ inline NativeVector unless_nan(NativeVector a, NativeVector better) {
 inline std::pair<NativeVector, NativeVector> estimated_root(NativeVector a) {
   using enum NumberClass;
   const NativeVector y = _mm512_maskz_rsqrt14_pd(0xff, a);
-  const NativeVector g = a * y, h = 0.5 * y, r = 0.5 - g * h;
-  const NativeVector root = g + g * r, half_inverse = h + h * r;
+  const NativeVector g = a * y, h = 0.5 * y, r = fused(-g, h, in_all(0.5));
+  const NativeVector root = fused(g, r, g), half_inverse = fused(h, r, h);
   constexpr int exact = in_class(zero, Becomes::the_other) | in_class(infinity, Becomes::the_other);
-  return {by_class<exact>(root + (a - root * root) * half_inverse, a), half_inverse};
+  return {by_class<exact>(fused(fused(-root, root, a), half_inverse, root), a), half_inverse};
 }
 #endif
 
@@ -87,7 +105,7 @@ inline std::pair<NativeVector, NativeVector> native_root_and_slope(NativeVector 
   using enum NumberClass;
   const auto [root, h] = estimated_root(a);
   constexpr int limits = in_class(zero, Becomes::infinity) | in_class(infinity, Becomes::zero);
-  return {root, by_class<limits>(h + h * (1.0 - 2.0 * (root * h)), a)};
+  return {root, by_class<limits>(fused(h, fused(in_all(-2.0), root * h, in_all(1.0)), h), a)};
 #else
   const NativeVector root = native_sqrt(a);
   return {root, 0.5 / root};
@@ -96,9 +114,9 @@ inline std::pair<NativeVector, NativeVector> native_root_and_slope(NativeVector 
 
 inline NativeVector native_quotient(NativeVector a, NativeVector b) {
 #if defined(__AVX512F__)
-  const NativeVector rough = _mm512_maskz_rcp14_pd(0xff, b), y = unless_nan(rough, rough + rough * (1.0 - b * rough));
-  const NativeVector q = a * y;
-  return unless_nan(q, q + (a - b * q) * y);
+  const NativeVector rough = _mm512_maskz_rcp14_pd(0xff, b);
+  const NativeVector y = unless_nan(rough, fused(rough, fused(-b, rough, in_all(1.0)), rough)), q = a * y;
+  return unless_nan(q, fused(fused(-b, q, a), y, q));
 #else
   return a / b;
 #endif
@@ -173,7 +191,7 @@ struct Pack {
 
   Pack() = default;
   Pack(double s) {
-    for (int k = 0; k < parts; ++k) part[k] = s - NativeVector{};
+    for (int k = 0; k < parts; ++k) part[k] = in_all(s);
   }
   static Pack load(const double* from) {
     Pack r;
