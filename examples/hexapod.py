@@ -54,7 +54,9 @@ def parameters(variant: int) -> dict[str, tuple[float, str, float]]:
 def prior(variant: int = 54) -> fp.GaussianPrior:
     """What is known of the parameters."""
     of = parameters(variant)
-    return fp.GaussianPrior({k: value for k, (value, _, _) in of.items()}, std={k: abs(v) * share for k, (v, _, share) in of.items()})
+    return fp.GaussianPrior(
+        {k: value for k, (value, _, _) in of.items()}, std={k: abs(v) * share for k, (v, _, share) in of.items()}
+    )
 
 
 def joints() -> tuple[Any, Any]:

@@ -10,7 +10,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from ..basics.values import FrozenMapping
 from .surfaces.structure import Structure
@@ -166,6 +168,16 @@ def blocks_of(dependence: Dependence) -> tuple[Names, ...]:
     named = [dependence.ordered(name for name in block if not name.endswith("'")) for block in blocks]
     everything = dependence.ordered(name for names in named for name in names)
     return tuple(sorted((names for names in named if names), key=lambda names: everything.index(names[0])))
+
+
+def states_by_parameters(entries: Iterable[tuple[int, int]], n: int, p: int) -> NDArray[np.bool_]:
+    """Which of n states depend on which of p parameters in the end (n, p), by the places (i, k) of the derivatives of f."""
+    coupled, reached = np.zeros((n, n), dtype=bool), np.zeros((n, p), dtype=bool)
+    for i, k in entries:
+        (coupled if k < n else reached)[i, k if k < n else k - n] = True
+    while not np.array_equal(more := reached | (coupled @ reached), reached):
+        reached = more
+    return reached
 
 
 class _Reader:

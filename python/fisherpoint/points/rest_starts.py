@@ -303,7 +303,7 @@ class _Resting:
             if jump is not None:
                 many, advice = "states rests", "leave states out of the rest"
                 if self.conditions.inputs:
-                    many, advice = "inputs keeps the plant", "hold speeds in the place of positions, and leave these out of the rest"
+                    many, advice = "inputs keeps the plant", "hold speeds in the place of positions"
                 raise ValueError(
                     f"{expected} off jumps, given one on the jump {jump} = 0 of runs[{k}]: a whole range of {many} there,"
                     f" as under dry friction; {advice}, or make the jump smooth"
