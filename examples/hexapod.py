@@ -146,3 +146,43 @@ def hexapod(variant: int = 54, friction: str = "tanh", names: bool = True) -> An
     options: dict[str, Any] = {"states": states, "inputs": {f"u{i}": "1" for i in LEGS}, "outputs": outputs}
     options |= {"parameters": {k: unit for k, (_, unit, _) in parameters(variant).items()}, "constants": constants}
     return fp.model(**options, name=f"hexapod_{variant}_{friction}")(equations)
+
+
+STAND = {"x": 0.0, "y": 0.0, "z": 1.083, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
+VALVES = tuple(f"u{i}" for i in LEGS)
+
+
+def standing(model: Any) -> fp.Rest:
+    """The platform stands under control: its speeds are zero, the valves are where pressures and spools stay as they are."""
+    return fp.Rest(states=[q.name for q in model.states if q.name not in POSE], hold=VELOCITY, solve=VALVES)
+
+
+def problem(duration: float = 2.0, variant: int = 54, friction: str = "tanh", largest: float = 0.5) -> fp.DesignProblem:
+    """Which run from standstill determines the parameters: a multisine for each valve, up to 8 Hz, and what is not to happen."""
+    model = hexapod(variant, friction)
+    start = STAND | dict.fromkeys(VELOCITY, 0.0)
+    for i in LEGS:  # pressures and spools are found; these are guesses
+        start |= {f"p_A{i}": 7e6, f"p_B{i}": 14e6, f"x_v{i}": 0.0}
+    bounds = start | dict.fromkeys(VALVES, (-largest, largest)) | {"dt": 0.02}
+    signals = fp.Multisine(3, bandwidth=(0.5, 8.0))
+    region = fp.RunRegion(bounds, round(duration / 0.02), rest=standing(model), profile=signals)
+    along = [f"{L_0 + 0.02} < length_{i} < {L_0 + STROKE - 0.02}" for i in LEGS]
+    along += [f"0.6e6 < p_{k}{i} < 20.5e6" for k in "AB" for i in LEGS] + [f"abs(x_v{i}) < 0.95" for i in LEGS]
+    return fp.DesignProblem(model, prior(variant), region, noise=NOISE, along=along)
+
+
+def main() -> None:
+    of = problem()
+    assert of.run_region is not None
+    still = fp.Runs([[*STAND.values(), *[0.0] * 6, *[7e6, 14e6, 0.0] * 6]], np.zeros((1, 1, 6)), 1e-3, rest=standing(of.model))
+    start = fp.simulate(of.model, still, of.theta).x[0, 0]
+    for k, i in enumerate(LEGS):
+        p_A, p_B, x_v = start[12 + 3 * k : 15 + 3 * k]
+        print(f"leg {i}: {1e-5 * p_A:.1f} and {1e-5 * p_B:.1f} bar, spool at {100 * x_v:.2f} %")
+    design = fp.design_runs(of, n_starts=4, n_candidates=100, time_limit=300)
+    print(design)
+    design.save("hexapod_run")
+
+
+if __name__ == "__main__":
+    main()
