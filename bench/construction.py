@@ -1,7 +1,7 @@
 """``python -m bench.construction``: CPU seconds that a large model takes to be made, printed, pickled, saved and read.
 
-The model is the platform of `hexapod.py`; its numbers are in the folder `shared` beside this repository. Each figure is the least
-of three, with SymPy's memory emptied before.
+The model is the platform of `examples/hexapod.py`; one in which nothing is written out twice is in the folder `shared` beside this
+repository. Each figure is the least of three, with SymPy's memory emptied before.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from typing import Any
 
 from sympy.core.cache import clear_cache
 
+from examples.hexapod import hexapod
 from fisherpoint.models.toml_to_model import model_from_toml
-
-from .hexapod import textbook
 
 NUMBERS = Path(__file__).resolve().parents[2] / "shared" / "hexapod" / "hexapod.py"
 
@@ -52,8 +51,8 @@ def main() -> None:
         for friction in ("coulomb", "tanh"):
             forms: dict[str, Callable[[], Any]] = {
                 "reformulated": lambda: hx.hexapod(variant, friction),  # noqa: B023
-                "textbook": lambda: textbook(hx, variant, friction, names=False),  # noqa: B023
-                "textbook with names": lambda: textbook(hx, variant, friction),  # noqa: B023
+                "textbook": lambda: hexapod(variant, friction, names=False),  # noqa: B023
+                "textbook with names": lambda: hexapod(variant, friction),  # noqa: B023
             }
             for name, make in forms.items():
                 took, model = seconds(make)

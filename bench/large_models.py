@@ -1,7 +1,7 @@
 """``python -m bench.large_models``: models of more than 64 states and parameters, interpreted and compiled, on one core.
 
 Processor time of both in turn, the least of several rounds, and what `compile()` takes where no cache has the model, with its
-compilers. Results must be the same to the last bit. The platform is that of ``bench/hexapod.py``; a chain has masses whose springs
+compilers. Results must be the same to the last bit. The platform is that of ``examples/hexapod.py``; a chain has masses whose springs
 have stiffnesses of their own.
 """
 
@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 import fisherpoint as fp
+from examples.hexapod import hexapod, prior
 
-from .hexapod import textbook
 from .timing import least_seconds
 
 BATCH = 64
@@ -40,7 +40,7 @@ def platform(variant: int, friction: str) -> tuple[Any, fp.Experiments, dict[str
     box = hx.region()
     low, high = (np.array([box[k][j] for k in box], float) for j in (0, 1))
     draws = low + (high - low) * np.random.default_rng(1).random((BATCH, len(low)))
-    return textbook(hx, variant, friction), fp.Experiments(draws[:, :30], draws[:, 30:36], draws[:, 36]), hx.nominal(variant)
+    return hexapod(variant, friction), fp.Experiments(draws[:, :30], draws[:, 30:36], draws[:, 36]), dict(prior(variant).mean)
 
 
 def chain(states: int) -> tuple[Any, fp.Experiments, dict[str, float]]:

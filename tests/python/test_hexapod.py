@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
-from bench.hexapod import textbook
+from examples.hexapod import hexapod
 from fisherpoint.models.codec import model_from_json, model_to_json
 from fisherpoint.models.model_text import LINES, WIDTH
 
@@ -60,7 +60,7 @@ def _module(name: str, path: Path) -> ModuleType:
 
 @cache
 def model(variant: int = 9, friction: str = "coulomb", names: bool = True) -> Any:
-    return textbook(numbers(), variant, friction, names)
+    return hexapod(variant, friction, names)
 
 
 def drawn(count: int, seed: int = 1) -> tuple[Any, Any, Any]:

@@ -11,6 +11,7 @@ from scipy.optimize import root
 import fisherpoint as fp
 from fisherpoint.basics.result_files import decoded, encoded
 from fisherpoint.design.file.configuration import load_config
+from fisherpoint.points.rest_starts import starts_of
 from fisherpoint.points.run_coordinates import RunCoordinates
 
 LIFT = fp.SymbolicModel(
@@ -100,8 +101,90 @@ def test_dry_friction_leaves_the_input_open() -> None:
     """A whole range of valve positions holds a piston that sticks."""
     model = fp.HydraulicCylinder()
     runs = fp.Runs([[0.15, 0.0, 8e6, 10e6, 0.0]], [[0.5, -0.5]], 5e-3, rest=fp.Rest(hold=["q"], solve=["u"]))
-    with pytest.raises(ValueError, match=r"given one on the jump v = 0 of runs\[0\]: a whole range of states rests there"):
+    with pytest.raises(ValueError, match=r"given one on the jump v = 0 of runs\[0\]: a whole range of inputs keeps the plant"):
         fp.simulate(model, runs, model.nominal)
+
+
+def start_of(model: Any, x0: list[float], rest: fp.Rest, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The start (n_x,) at a rest, and its derivative (n_x, p)."""
+    found = starts_of(model, fp.Runs([x0], np.zeros((1, 1, len(model.inputs))), 1e-6, rest=rest), theta)
+    assert found.status.tolist() == [0]
+    return found.x0[0], found.s[0]
+
+
+def test_speeds_that_are_held_take_dry_friction_off() -> None:
+    """A gantry with a weight: at speed 0 friction is none, so the currents carry the load alone; axes stay where they are."""
+    gantry = fp.SymbolicModel(
+        f=[
+            "v", "(k*i - F_c*sign(v))/(m + M)", "w", "(k*j - F_c*sign(w) - d*w)/m - 9.81",
+            "(a - R*i - k*v)/L", "(b - R*j - k*w)/L",
+        ],
+        g=["x", "z"],
+        states={"x": "m", "v": "m/s", "z": "m", "w": "m/s", "i": "A", "j": "A"},
+        inputs={"a": "V", "b": "V"},
+        parameters={"k": "N/A", "F_c": "N", "m": "kg", "R": "ohm"},
+        constants={"L": (1e-3, "H"), "M": (40.0, "kg"), "d": (3.0, "kg/s")},
+        outputs={"y": "m", "h": "m"},
+        check_units=False,
+    )  # fmt: skip
+    theta, x0 = np.array([20.0, 30.0, 12.0, 0.8]), [0.4, 0.0, 1.3, 0.0, 1.0, 1.0]
+    rest = fp.Rest(states=["v", "w", "i", "j"], hold=["v", "w"], solve=["a", "b"])
+    start, slope = start_of(gantry, x0, rest, theta)
+    k, _, m, _ = theta
+    np.testing.assert_allclose(start, [0.4, 0.0, 1.3, 0.0, 0.0, m * 9.81 / k], atol=1e-14)
+    np.testing.assert_allclose(slope[5], [-m * 9.81 / k**2, 0.0, 9.81 / k, 0.0], atol=1e-14)
+    assert not slope[:5].any()
+    run = fp.Runs([x0], [[[0.0, 0.8 * m * 9.81 / k]] * 5], 0.02, rest=rest)
+    stuck = fp.sensitivities(gantry, run, theta)
+    assert stuck.status.tolist() == [0] and not stuck.dy_dtheta.any(), "it sticks where it stands"
+    with pytest.raises(ValueError, match=r"on the jump . = 0 .* hold speeds in the place of positions"):
+        start_of_runs = fp.Runs([x0], run.u, 0.02, rest=fp.Rest(hold=["x", "z"], solve=["a", "b"]))
+        fp.simulate(gantry, start_of_runs, theta)
+
+
+def test_a_cylinder_stands_without_load_on_its_dry_friction() -> None:
+    """As one with friction that is smooth, which is zero at rest, for any oil, volume and friction."""
+    theta, x0 = fp.HydraulicCylinder().theta(fp.HydraulicCylinder().nominal), [0.15, 0.0, 8e6, 10e6, -0.01]
+    rest = fp.Rest(states=["v", "p_A", "p_B", "x_v"], hold=["v"], solve=["u"])
+    start, slope = start_of(fp.HydraulicCylinder(), x0, rest, theta)
+    smooth = fp.Rest(hold=["q"], solve=["u"])
+    other, of_other = start_of(fp.HydraulicCylinder(smooth={"v": 5e-2}), x0, smooth, theta)
+    np.testing.assert_allclose(start, other, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(slope * theta, of_other * theta, rtol=1e-9, atol=1e-6)  # of Pa
+    assert np.abs(slope * theta).max(axis=1)[2] > 1e5
+
+
+def test_a_guess_on_a_kink_does() -> None:
+    """As the valve is closed there, slopes by its spool are those of neither side."""
+    model, rest = fp.HydraulicCylinder(), fp.Rest(states=["v", "p_A", "p_B", "x_v"], hold=["v"], solve=["u"])
+    theta = model.theta(model.nominal)
+    starts = [start_of(model, [0.15, 0.0, 8e6, 10e6, spool], rest, theta) for spool in (0.0, -0.01, 0.01)]
+    for start, slope in starts[1:]:
+        np.testing.assert_allclose(start, starts[0][0], rtol=1e-12)
+        np.testing.assert_allclose(slope * theta, starts[0][1] * theta, rtol=1e-9, atol=1e-6)
+
+
+def test_a_reactor_at_a_given_temperature() -> None:
+    """Its jacket's temperature is found; how much is left of what flows in depends on the rate of the reaction."""
+    rate = "k*exp(-E/T)*c"
+    reactor = fp.SymbolicModel(
+        f=[f"q*(c_0 - c) - {rate}", f"q*(T_0 - T) + H*{rate} - U*(T - T_j)"],
+        g=["c"],
+        states={"c": ("mol/L", 1.0), "T": ("K", 300.0)},
+        inputs={"T_j": "K", "c_0": "mol/L"},
+        parameters={"k": "1/s", "E": "K", "U": "1/s"},
+        constants={"q": (0.01, "1/s"), "T_0": (290.0, "K"), "H": (40.0, "K L/mol")},
+        outputs={"y": "mol/L"},
+        check_units=False,
+    )
+    theta = np.array([2e6, 6000.0, 0.02])
+    rest = fp.Rest({"c_0": 2.0, "T_j": 300.0}, hold=["T"], solve=["T_j"])
+    start, slope = start_of(reactor, [1.0, 340.0], rest, theta)
+    reaction = theta[0] * np.exp(-theta[1] / 340.0)
+    left = 2.0 * 0.01 / (0.01 + reaction)
+    np.testing.assert_allclose(start, [left, 340.0], rtol=1e-13)
+    by_rate = -left / (0.01 + reaction)
+    np.testing.assert_allclose(slope, [[by_rate * reaction / theta[0], -by_rate * reaction / 340.0, 0.0], [0, 0, 0]], rtol=1e-10)
 
 
 def problem(region: fp.RunRegion | None = None, **more: Any) -> fp.DesignProblem:

@@ -7,7 +7,7 @@ from collections.abc import Hashable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..basics.checks import as_floats, in_order
 from ..basics.quantity import DURATION, Quantity, names_of
@@ -230,6 +230,11 @@ class Model(ABC):
     def reaches(self) -> Mapping[str, tuple[str, ...]]:
         """For each parameter the outputs that it reaches, directly or through states, by the structure of the equations."""
         return self._dependence.reaches
+
+    @property
+    def states_by_parameters(self) -> NDArray[np.bool_] | None:
+        """Which states depend on which parameters in the end (n_x, p), as kernels take it; None where that is not known here."""
+        return None
 
     @property
     def idle(self) -> tuple[str, ...]:

@@ -6,7 +6,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from ..basics.values import FrozenMapping
 from .blocks import Names, Row, Separation
@@ -141,6 +143,16 @@ class Dependence:
             found.add(state)
             waiting |= self._rates[state].states - found - set(known)
         return frozenset(found)
+
+
+def states_by_parameters(entries: Iterable[tuple[int, int]], n: int, p: int) -> NDArray[np.bool_]:
+    """Which of n states depend on which of p parameters in the end (n, p), by the places (i, k) of the derivatives of f."""
+    coupled, reached = np.zeros((n, n), dtype=bool), np.zeros((n, p), dtype=bool)
+    for i, k in entries:
+        (coupled if k < n else reached)[i, k if k < n else k - n] = True
+    while not np.array_equal(more := reached | (coupled @ reached), reached):
+        reached = more
+    return reached
 
 
 class _Reader:

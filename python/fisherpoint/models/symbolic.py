@@ -10,6 +10,7 @@ from functools import cached_property, partial
 from typing import Any, Unpack
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.checks import check_flag, check_known
 from ..basics.quantity import Quantity, names_of
@@ -18,7 +19,7 @@ from ..engine import _core
 from ..engine.levels import Kernels
 from .clock import NAMES, clock_quantity
 from .compiled import CompiledCore, compiled_model
-from .dependence import Dependence
+from .dependence import Dependence, states_by_parameters
 from .dimensions import is_time, mistakes_in_units, plain_rate_of, rate_of, stated
 from .expression_list import key_of
 from .expressions import symbol
@@ -236,6 +237,13 @@ class SymbolicModel(DescribedModel):
     def compiled(self) -> bool:
         """Whether the model has kernels of its own."""
         return self._compiled is not None
+
+    @cached_property
+    def states_by_parameters(self) -> NDArray[np.bool_] | None:
+        """Which states depend on which parameters in the end, as kernels of an interpreted model take it."""
+        if self.compiled or self._hidden_starts:
+            return None
+        return states_by_parameters(self.structure.programs.rate_entries, len(self.states), len(self.parameters))
 
     @property
     def shown_states(self) -> Mapping[str, str]:

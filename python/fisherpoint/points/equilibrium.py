@@ -62,9 +62,9 @@ def equilibria(rates: Rates, guess: Array, scale: Array, moving: bool = True) ->
     Where Newton's method does not settle, settles far off, or where the plant would not stay, the way of the plant is followed.
     With `moving` False, a controller keeps the plant there: there is no such way, and whether it would stay does not matter.
     """
-    first = _judged(rates, *_newton(rates, guess, scale), scale)
+    first = _judged(rates, *_newton(rates, guess, scale), scale, moving)
     if not moving:
-        return first._replace(stable=first.found.copy())
+        return first
     far = (np.abs(first.z - guess) > FAR * (scale + np.abs(guess))).any(axis=1)
     again = np.flatnonzero(~first.found | (~first.singular & (far | ~first.stable)))
     if not len(again):
@@ -73,7 +73,7 @@ def equilibria(rates: Rates, guess: Array, scale: Array, moving: bool = True) ->
     def some(z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array]:
         return rates(z, again[rows])
 
-    second = _judged(some, *_newton(some, _in_time(some, guess[again], scale), scale), scale)
+    second = _judged(some, *_newton(some, _in_time(some, guess[again], scale), scale), scale, moving)
     better = second.found & (second.stable | ~first.found[again])
     for of_first, of_second in zip(first, second, strict=True):
         of_first[again[better]] = of_second[better]
@@ -216,15 +216,17 @@ def _solved_or_shortest(matrix: Array, right: Array) -> Array:
         return np.concatenate([_solved_or_shortest(matrix[[k]], right[[k]]) for k in range(len(matrix))])
 
 
-def _judged(rates: Rates, z: Array, settled: Flags, scale: Array) -> Equilibria:
+def _judged(rates: Rates, z: Array, settled: Flags, scale: Array, moving: bool) -> Equilibria:
+    """What was found; where nothing moves by itself, all of it counts as stable."""
     found, r = settled.copy(), len(scale)
     f, jacobian = rates(z, np.arange(len(z)))
     found &= _finite(f, jacobian)
-    singular, stable = np.zeros(len(z), dtype=bool), np.zeros(len(z), dtype=bool)
+    singular, stable = np.zeros(len(z), dtype=bool), found & (not moving)
     rows = np.flatnonzero(found)
     if len(rows):
         values = np.linalg.svd(_scaled(jacobian[rows], scale)[0], compute_uv=False)
         singular[rows] = values[:, -1] <= SINGULAR * values[:, 0]
+    if len(rows) and moving:
         eigenvalues = np.linalg.eigvals(jacobian[rows] * scale / scale[:, None])
         largest = np.abs(eigenvalues).max(axis=1)
         stable[rows] = eigenvalues.real.max(axis=1) <= RISING * largest

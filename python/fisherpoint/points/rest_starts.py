@@ -32,6 +32,9 @@ NEAR = 1e-7
 APART = 1e-5
 """Distance of two equilibria, in natural sizes, above which they are two."""
 
+BESIDE = 1e-3
+"""Distance, in natural sizes, to either side of a switching surface from which the search begins anew."""
+
 MOST_LOOKED_AT = 20
 """Number of different starts whose other equilibria are searched for."""
 
@@ -211,6 +214,7 @@ class _Resting:
     def settled(self) -> Equilibria:
         """The equilibria of all rows, from their starts; of those that are not isolated, the ones with the totals of the start."""
         found = self.settle(self.guess)
+        self._settle_beside(found)
         rows = np.flatnonzero(~found.good) if self.conditions.moving else np.empty(0, dtype=np.intp)
         if len(rows):
             kept = rows[self._totals.find(rows)]
@@ -219,6 +223,21 @@ class _Resting:
             for whole, part in zip(found, self.settle(self.guess[kept], kept), strict=True):
                 whole[kept] = part
         return found
+
+    def _settle_beside(self, found: Equilibria) -> None:
+        """Try again where nothing was found from a guess on a switching surface, as a valve that is closed, where slopes are those
+        of neither side: a little to either side."""
+        rows = np.flatnonzero(~found.found)
+        if not len(rows) or not (count := len(self.model.jumps) + len(self.model.kinks)):
+            return
+        rows = rows[self.on_surface(self.guess[rows], count, rows).any(axis=1)]
+        for aside in (BESIDE, -BESIDE):
+            if not len(rows):
+                return
+            again = self.settle(self.guess[rows] + aside * self.scale, rows)
+            for whole, part in zip(found, again, strict=True):
+                whole[rows[again.found]] = part[again.found]
+            rows = rows[~again.found]
 
     def settle(self, guess: Array, rows: NDArray[np.intp] | None = None) -> Equilibria:
         """Equilibria from guesses (m, r) of some rows, or of all."""
@@ -260,11 +279,13 @@ class _Resting:
     def _switching(self, z: Array, rows: NDArray[np.intp], theta: Array) -> Array:
         return np.asarray(self.model.core.switching(*self._whole(z, rows), theta)).reshape(len(z), -1)
 
-    def on_surface(self, z: Array, count: int) -> NDArray[np.bool_]:
-        """Whether equilibria (n, r) lie on the first `count` switching surfaces, (n, count), so that moving z changes sides."""
-        rows, signs = np.arange(len(z)), []
+    def on_surface(self, z: Array, count: int, rows: NDArray[np.intp] | None = None) -> NDArray[np.bool_]:
+        """Whether unknowns (n, r) of some rows, or of all, lie on the first `count` switching surfaces, (n, count), so that moving
+        them changes sides."""
+        signs = []
+        rows = np.arange(len(z)) if rows is None else rows
         for move in (np.zeros_like(self.scale), *np.diag(self.scale), *-np.diag(self.scale)):
-            signs.append(np.sign(self._switching(z + NEAR * move, rows, self._theta)[:, :count]))
+            signs.append(np.sign(self._switching(z + NEAR * move, rows, self._theta[rows])[:, :count]))
         return np.asarray(np.max(signs, axis=0) != np.min(signs, axis=0))
 
     def refuse(self, found: Equilibria, runs: NDArray[np.intp]) -> None:
@@ -280,9 +301,12 @@ class _Resting:
                 at_first = next((name for name, there in zip(jumps, from_there[row], strict=True) if there), None)
                 jump = self._jump_ahead(found.z[[row]], np.array([row])) or jump or at_first
             if jump is not None:
+                many, advice = "states rests", "leave states out of the rest"
+                if self.conditions.inputs:
+                    many, advice = "inputs keeps the plant", "hold speeds in the place of positions"
                 raise ValueError(
-                    f"{expected} off jumps, given one on the jump {jump} = 0 of runs[{k}]: a whole range of states rests there,"
-                    " as under dry friction; leave states out of the rest, or make the jump smooth"
+                    f"{expected} off jumps, given one on the jump {jump} = 0 of runs[{k}]: a whole range of {many} there,"
+                    f" as under dry friction; {advice}, or make the jump smooth"
                 )
             if not found.found[row]:
                 raise ValueError(f"{expected}, found none {where}: a better guess may help, or fewer states at rest")

@@ -148,10 +148,14 @@ def _from_controlled(
     """Sensitivities where a controller makes starts depend on parameters that the states do not depend on, as a valve's on leakage.
 
     A kernel knows which states depend on which parameters, and keeps these derivatives alone. So starts are parameters of their
-    own, and what they do is multiplied by s.
+    own, and what they do is multiplied by s: those of states that a kernel does not have move with all of them.
     """
     p, states = len(model.parameters), names_of(model.states)
-    names = tuple(dict.fromkeys(name for rest in runs.rest if rest is not None and rest.solve for name in rest.found(states)))
+    kept = model.states_by_parameters
+    missing = s.any(axis=0) if kept is None else s.any(axis=0) & ~kept
+    names = tuple(name for name, more in zip(states, missing.any(axis=1), strict=True) if more)
+    if not names:
+        return _by_kernel(model, runs, x0, theta, settings, s=s, outputs_alone=outputs_alone, **moved)
     places = [states.index(name) for name in names]
     by, left = s[:, places], s.copy()  # by is (K, m, p)
     left[:, places] = 0.0

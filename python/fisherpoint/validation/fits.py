@@ -38,7 +38,7 @@ from .figures import LEVEL
 from .searches import Searched, Searches
 from .truths import Rig, Streams
 
-MOST_NUMBERS = 4_000_000
+MOST_NUMBERS = 8_000_000
 """Entries of the Jacobians of the problems that are advanced at once, so that memory stays bounded."""
 
 RTOL = 1e-9

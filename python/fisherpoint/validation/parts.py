@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
+from ..basics.work_clock import LANES
 from .fits import VirtualExperiments, VirtualFits
 from .truths import Streams
 
@@ -88,6 +89,11 @@ class PartWork:
         """How many experiments may be fitted together."""
         return min(one.estimator.at_once for one in self.experiments.values())
 
+    def least(self, threads: int) -> int:
+        """How many experiments, at two searches each, take as long as one, as their trajectories are computed side by side."""
+        in_core = all(one.rig.model.in_core for one in self.experiments.values())
+        return max(1, threads * (LANES // 2) // 2) if in_core else 1
+
     @property
     def most_to_send(self) -> int:
         """How many experiments may be sent together, there as true parameters and back as fits."""
@@ -99,14 +105,17 @@ class PartWork:
         return max(1, min(self.most, BYTES // max(there, back)))
 
 
-def sizes_here(most: int) -> Iterator[int]:
-    """Sizes of parts that are computed one after the other: larger where they take little time, as fits take less together."""
-    size = 1  # Ctrl-C is to find something, however long a fit takes
+def sizes_here(most: int, least: int = 1) -> Iterator[int]:
+    """Sizes of parts that are computed one after the other: larger where they take little time, as fits take less together.
+
+    They are as small at first as they may be, as Ctrl-C is to find something, however long a fit takes. `least` take as long as one.
+    """
+    size = least
     while True:
         start = perf_counter()
         yield min(size, most)
         seconds = perf_counter() - start
-        size = max(1, int(min(size, most) * min(GROWTH, max(1 / GROWTH, SECONDS / max(seconds, 1e-9)))))
+        size = max(least, int(min(size, most) * min(GROWTH, max(1 / GROWTH, SECONDS / max(seconds, 1e-9)))))
 
 
 def sizes_to_send(most: int, count: int) -> Iterator[int]:

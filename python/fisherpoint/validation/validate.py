@@ -223,7 +223,11 @@ def _fits(
     """
     done: list[dict[str, VirtualFits]] = []
     made = failed = 0
-    sizes = sizes_here(work.most) if distributor.here else sizes_to_send(work.most_to_send, len(thetas))
+    sizes = (
+        sizes_here(work.most, work.least(distributor.threads))
+        if distributor.here
+        else sizes_to_send(work.most_to_send, len(thetas))
+    )
     try:
         for sent in distributor.map(work, work.parts(thetas, seed, sizes), "part {} of the virtual experiments".format):
             count = len(next(iter(sent.values())).reason)
