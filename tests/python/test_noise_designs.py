@@ -113,14 +113,24 @@ def test_points_have_the_information_of_the_whole_covariance(noise: Any, of_devi
     np.testing.assert_allclose(list(found.values()), of_whole, rtol=1e-8)
 
 
-def weight(w: Any, y: Array, spread: Array, limited: bool) -> Array:
+def past(y: Array, spread: Array, std: float, limits: Any) -> Array:
+    """What an output past a limit is known by."""
+    low, high = (-np.inf if limits[0] is None else limits[0]), (np.inf if limits[1] is None else limits[1])
+    far = np.maximum(low - y, y - high)
+    return np.where(far > 0, np.square(spread) / (np.square(np.maximum(far, 0)) + std**2), 0.0)
+
+
+def weight(w: Any, y: Array, spread: Array, limits: Any) -> Array:
     """The information of a reading for searches, by thousands of places of a normal output."""
-    places = ndtri((np.arange(4000) + 0.5) / 4000)
-    if limited:
+    if any(limits):
         places = np.linspace(-4, 4, 2001)
         density = np.exp(-np.square(places) / 2) / np.exp(-np.square(places) / 2).sum()
-        known = 100 * np.square(spread) * np.array([w(y + place * spread) for place in places])
-        return np.asarray((1 / np.tensordot(density, 1 / (1 + known), axes=1) - 1) / (100 * np.square(spread)))
+        known = 10 * np.square(spread) * np.array([w(y + place * spread) for place in places])
+        known_past = np.array([past(y + place * spread, spread, 0.03, limits) for place in places])
+        left = np.tensordot(density, 1 / (1 + known + known_past), axes=1)
+        share = (1 / left - 1) / np.tensordot(density, known, axes=1)
+        return np.asarray(share * np.tensordot(density, known, axes=1) / (10 * np.square(spread)))
+    places = ndtri((np.arange(4000) + 0.5) / 4000)
     return np.asarray(np.mean([w(y + place * spread) for place in places], axis=0))
 
 
@@ -132,7 +142,7 @@ def test_f_has_the_mean_over_steps_and_what_limits_leave(limits: Any) -> None:
     j = j[at.measured] * np.array(list(given.prior.std.values()))
     of = Sensors.of(noise, ("y", "z"))
     spread = np.sqrt(np.square(j).sum(axis=2))
-    w = weight(of.precision, y[at.measured], spread, any(limits))
+    w = weight(of.precision, y[at.measured], spread, limits)
     f = np.einsum("si,sia,sib->ab", np.where([True, False], w, 1 / 0.02**2), j, j)
     np.testing.assert_allclose(fp.evaluate(given, at).information, f, rtol=0.01 if any(limits) else 1e-4)
 
@@ -143,10 +153,22 @@ def test_standard_errors_of_rounded_and_limited_sensors_are_means_over_the_prior
     given, at = of_runs(noise=noise, rtol=1e-11), runs()
     y, j, _, _ = tangents(given, at)
     y, j = y[at.measured], j[at.measured] * np.array(list(given.prior.std.values()))
-    of, rng = Sensors.of(noise, ("y", "z")), np.random.default_rng(3)
-    f = np.array([np.einsum("si,sia,sib->ab", of.precision(y + j @ rng.standard_normal(2)), j, j) for _ in range(20_000)])
-    mean, beside = f.mean(axis=0), np.eye(2)
-    expected = np.linalg.inv(mean) + np.linalg.inv(f + beside).mean(axis=0) - np.linalg.inv(mean + beside)
+    of, rng, beside = Sensors.of(noise, ("y", "z")), np.random.default_rng(3), np.eye(2)
+    spread = np.linalg.norm(j, axis=2)
+    f, more = [], []
+    for _ in range(20_000):
+        there = y + j @ rng.standard_normal(2)
+        f.append(np.einsum("si,sia,sib->ab", of.precision(there), j, j))
+        known = np.zeros(y.shape)
+        for i, name in enumerate(("y", "z")):
+            if isinstance(noise[name], fp.Noise):
+                wide = np.hypot(noise[name].std, noise[name].resolution / np.sqrt(12))
+                known[:, i] = past(there[:, i], spread[:, i], wide, noise[name].limits)
+        s, i = np.unravel_index(np.argmax(known), known.shape)
+        along = j[s, i] / spread[s, i]
+        more.append(np.linalg.inv(f[-1] + beside + known[s, i] * np.outer(along, along)))
+    mean = np.mean(f, axis=0)
+    expected = np.linalg.inv(mean) + np.mean(more, axis=0) - np.linalg.inv(mean + beside)
     found = fp.evaluate(given, at)
     std = np.array(list(given.prior.std.values()))
     np.testing.assert_allclose(np.array(list(found.standard_errors.values())) / std, np.sqrt(np.diag(expected)), rtol=0.01)

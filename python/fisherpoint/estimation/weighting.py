@@ -15,6 +15,7 @@ from ..data.measurements import Measurements
 from ..information.assumed import Assumed
 from ..information.run_tangents import moves_of_runs
 from ..noise.common_error import CommonError
+from ..noise.sensors import Sensors
 from ..points.settings import Integration
 from ..points.status import Status
 from .least_squares import Accuracy
@@ -214,9 +215,9 @@ class WeightedResiduals:
         return self._stored[0]
 
     @property
-    def has_uneven_readings(self) -> bool:
-        """Whether readings are rounded or limited."""
-        return self._readings is not None and bool(self._readings.sensors.uneven.any())
+    def uneven(self) -> Sensors | None:
+        """The sensors where readings are rounded or limited."""
+        return None if self._readings is None or not self._readings.sensors.uneven.any() else self._readings.sensors
 
     def rows(self, values: Array, response: Response, place: Array | None = None) -> Array:
         """Rows J (M, P) with the information J^T J, from the response to unknowns (1, P).
@@ -225,7 +226,8 @@ class WeightedResiduals:
         """
         jacobian = response.dy * self.slopes(values)
         if (readings := self._readings) is not None:
-            white = readings.rows(response.y if place is None else response.y + jacobian @ place, jacobian)
+            moved = 0.0 if place is None else (jacobian * self._of_columns(place[None])).sum(axis=3)
+            white = readings.rows(response.y + moved, jacobian)
         else:
             white = self._whitened(self.covariance, jacobian)[0]
         rows, prior = white.reshape(-1, jacobian.shape[3]), self._stored[1]
@@ -268,11 +270,15 @@ class WeightedResiduals:
 
     def slopes(self, values: Array) -> Array:
         """d values / dz at unknowns (B, P) of each column of a response, (B, 1 or N, 1, columns)."""
-        slopes, local, common = self.unknowns.slopes(values), self.observed.local, self.observed.common
+        return self._of_columns(self.unknowns.slopes(values))
+
+    def _of_columns(self, of_unknowns: Array) -> Array:
+        """Of each column of a response, (B, 1 or N, 1, columns), what there is of each unknown (B, P)."""
+        local, common = self.observed.local, self.observed.common
         if not local.each:
-            return np.asarray(slopes[:, None, None, :])
-        own = slopes[:, common:][:, local.samples]
-        shared = np.broadcast_to(slopes[:, None, :common], (*own.shape[:2], common))
+            return np.asarray(of_unknowns[:, None, None, :])
+        own = of_unknowns[:, common:][:, local.samples]
+        shared = np.broadcast_to(of_unknowns[:, None, :common], (*own.shape[:2], common))
         return np.concatenate([shared, own], axis=2)[:, :, None]
 
 

@@ -7,12 +7,14 @@ draws of the unknowns outputs are where their tangents lead, and derivatives sta
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..basics.values import Array
+from ..noise.sensors import Sensors
 from ..points.runs import as_runs
 from ..prior.rules.sobol import standard_normal
 from .nuisance import marginal_rows
@@ -21,6 +23,7 @@ from .point_information import PointInformation
 from .prior_information import parameter_rows
 from .problem import DesignProblem
 from .run_tangents import run_tangents
+from .white_rows import independently
 
 DRAWS = 512
 """Draws of the unknowns."""
@@ -65,16 +68,35 @@ def mean_covariance(
         informative = np.zeros(tangents.y.shape, dtype=bool)
         informative[runs.measured] = information.measured
 
-    def information_at(place: Array) -> Array:
-        sensitivity, _ = tangents.rows(problem, informative, place).samples(runs)
-        white = whitened(factor, d.prepare(replace(information, sensitivity=sensitivity)).sensitivity)
-        white = white.reshape(-1, problem.n_unknowns)
-        white = marginal_rows(white if known is None else np.concatenate([white, known]), nuisance)
-        return np.asarray(white.T @ white)
+    sensors, own = problem.sensors, parameter_rows(problem)[:, : len(problem.estimated)]
+    assert sensors is not None
+    of_prior = np.zeros((0, len(own))) if with_prior else own
+    scaled = independently(problem, problem.standardised(tangents.dy))
+    there = problem.measured & (runs.readings if informative is None else informative)
 
-    own = parameter_rows(problem)[:, : len(problem.estimated)]
-    of_prior = np.zeros((len(problem.estimated),) * 2) if with_prior else own.T @ own
-    return covariance_over(map(information_at, draws(problem.n_unknowns, tangents.y.size)), of_prior)
+    def informations() -> Iterator[tuple[Array, Array]]:
+        for place in draws(problem.n_unknowns, tangents.y.size):
+            sensitivity, _ = tangents.rows(problem, informative, place).samples(runs)
+            white = whitened(factor, d.prepare(replace(information, sensitivity=sensitivity)).sensitivity)
+            white = white.reshape(-1, problem.n_unknowns)
+            white = marginal_rows(white if known is None else np.concatenate([white, known]), nuisance)
+            past = past_row(sensors, tangents.y, scaled, there, place)[: len(own)] @ own
+            beside = np.concatenate([of_prior, past[None]])
+            yield white.T @ white, beside.T @ beside
+
+    return covariance_over(informations(), of_prior.T @ of_prior)
+
+
+def past_row(sensors: Sensors, y: Array, dy: Array, measured: NDArray[np.bool_], place: Array) -> Array:
+    """What plants at a place (n,) of independent standard normal unknowns are known by: that an output is past a limit.
+
+    As a row (n,) whose square is information: of the output that is past it least, in its standard deviations, as the estimate ends
+    where that comes back; zeros where none is. From outputs y (..., n_y) and their derivatives (..., n_y, n) at the mean.
+    """
+    spread = np.linalg.norm(dy, axis=-1)
+    known = np.where(measured, sensors.past_limits(y + dy @ place, spread), 0.0)
+    most = np.unravel_index(int(np.argmax(known)), known.shape)
+    return np.asarray(np.sqrt(known[most]) * dy[most] / (spread[most] or 1.0))
 
 
 def draws(unknowns: int, readings: int) -> Array:
@@ -83,17 +105,17 @@ def draws(unknowns: int, readings: int) -> Array:
     return standard_normal(unknowns, 1 << (count.bit_length() - 1))
 
 
-def covariance_over(information: Iterable[Array], of_prior: Array) -> Array:
+def covariance_over(informations: Iterable[tuple[Array, Array]], of_prior: Array) -> Array:
     """The covariance (p, p) at the mean of informations (p, p), and what it is more in their mean.
 
-    What it is more is found beside the prior's information (p, p): an estimate from readings that say nothing is about as far off
-    as the prior allows, and not infinitely.
+    What it is more is found beside the prior's information (p, p), and with each what else is known there: an estimate from
+    readings that say nothing is about as far off as the prior allows, and not infinitely.
     """
     count, mean, beside_prior = 0, np.zeros(of_prior.shape), np.zeros(of_prior.shape)
-    for one in information:
+    for one, known in informations:
         count += 1
         mean += one
-        beside_prior += _inverse(one + of_prior)
+        beside_prior += _inverse(one + known)
     mean /= count
     return _inverse(mean) + beside_prior / count - _inverse(mean + of_prior)
 

@@ -43,16 +43,16 @@ def white_rows(
         moved = None if moved is None else np.where(there[..., None], moved, 0.0)
         spread = None
         if place is not None:
-            y = y + _independently(problem, columns[..., : problem.n_unknowns]) @ place
+            y = y + independently(problem, columns[..., : problem.n_unknowns]) @ place
         elif problem.has_uneven_readings:
-            spread = np.sqrt(np.square(_independently(problem, columns)).sum(axis=-1))
+            spread = np.sqrt(np.square(independently(problem, columns)).sum(axis=-1))
         rows = problem.sensors.rows(columns, moved, times, np.where(there, y, 0.0), there, spread)
         rows = beside_free(rows[..., :p], rows[..., p:])
         rows *= np.sqrt(np.diag(problem.noise_covariance))[:, None]
     return rows, only_finite(status, rows)
 
 
-def _independently(problem: DesignProblem, scaled: Array) -> Array:
+def independently(problem: DesignProblem, scaled: Array) -> Array:
     """Standardised derivatives (..., n_y, n) by independent standard normal coordinates in the place of the parameters."""
     if not problem.prior.correlated:
         return scaled

@@ -19,7 +19,7 @@ from ..engine import _core
 from .common_error import CommonError
 from .growing import dense_rows, rows_beside_common
 from .models import Noise, NoiseModel, NoiseOf, outputs_of
-from .reading import averaged_information, reading_information
+from .reading import averaged_information, past_limit, reading_information
 
 MOST_DENSE = 2000
 """Numbers of one run whose noise has a memory, or is correlated, and grows with the outputs: there R is a whole matrix."""
@@ -119,6 +119,14 @@ class Sensors:
                 found[..., j] = averaged_information(y[..., j], spread[..., j], std, relative, resolution, lower, upper)
             else:
                 found[..., j] = reading_information(y[..., j], std, relative, resolution, lower, upper)
+        return found
+
+    def past_limits(self, y: Array, spread: Array) -> Array:
+        """Information about noise-free outputs (..., n_y), beside 1 of the prior, that they are past a limit: `past_limit`."""
+        found = np.zeros(y.shape)
+        for j in np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper)):
+            wide = float(np.hypot(self.std[j], self.resolution[j] / np.sqrt(12)))
+            found[..., j] = past_limit(y[..., j], spread[..., j], wide, float(self.lower[j]), float(self.upper[j]))
         return found
 
     def whitened(

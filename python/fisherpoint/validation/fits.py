@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ from ..estimation.weighting import WeightedResiduals
 from ..information.local import RECORD, RUN, Local
 from ..information.problem import DesignProblem
 from ..information.run_information import information_of
-from ..information.uneven_readings import covariance_over, draws
+from ..information.uneven_readings import covariance_over, draws, past_row
 from ..noise.models import NoiseOf, outputs_of
 from ..noise.sensors import Sensors
 from ..points.runs import Points, as_runs
@@ -157,7 +157,7 @@ class Estimator:
         values = unknowns.values(starts[:1])
         response = observed.respond(values)
         promise = Precision.of(residuals.rows(values, response))
-        if over_prior and residuals.has_uneven_readings:
+        if over_prior and residuals.uneven is not None:
             correlation = np.eye(len(unknowns))
             correlation[: len(names), : len(names)] = problem.prior.marginal(names).correlation
             promise = _over_prior(residuals, values, response, correlation, use_prior)
@@ -279,9 +279,19 @@ def _over_prior(residuals: WeightedResiduals, values: Array, response: Response,
     if not promise.determined.all():
         return promise
     inverse = np.linalg.solve(factor, np.eye(len(factor)))
-    of_prior = np.zeros(factor.shape) if with_prior else inverse.T @ inverse
-    rows = (residuals.rows(values, response, place) for place in places)
-    return replace(promise, covariance=covariance_over((one.T @ one for one in rows), of_prior))
+    of_prior = np.zeros((0, len(factor))) if with_prior else inverse
+    dy, sensors = response.dy * residuals.slopes(values), residuals.uneven
+    alike = sensors is not None and dy.shape[-1] == len(factor)  # no local parameters: each unknown has one column
+
+    def informations() -> Iterator[tuple[Array, Array]]:
+        for place in places:
+            rows, beside = residuals.rows(values, response, place), of_prior
+            if sensors is not None and alike:
+                past = past_row(sensors, response.y, dy @ factor, residuals.measured, inverse @ place)
+                beside = np.concatenate([of_prior, past[None] @ inverse])
+            yield rows.T @ rows, beside.T @ beside
+
+    return replace(promise, covariance=covariance_over(informations(), of_prior.T @ of_prior))
 
 
 def _blank(points: Points, of_sample: Array) -> Array:
