@@ -223,11 +223,10 @@ def _fits(
     """
     done: list[dict[str, VirtualFits]] = []
     made = failed = 0
-    sizes = (
-        sizes_here(work.most, work.least(distributor.threads))
-        if distributor.here
-        else sizes_to_send(work.most_to_send, len(thetas))
-    )
+    if distributor.here:
+        sizes = sizes_here(work.most, work.least(distributor.threads))
+    else:
+        sizes = sizes_to_send(work.most_to_send, len(thetas))
     try:
         for sent in distributor.map(work, work.parts(thetas, seed, sizes), "part {} of the virtual experiments".format):
             count = len(next(iter(sent.values())).reason)
