@@ -90,10 +90,10 @@ def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
 def hexapod(variant: int = 54, friction: str = "tanh", names: bool = True) -> Any:
     """The model with 9, 19, 54 or 64 parameters; friction is "tanh" or "coulomb", which is dry. With names of terms or without."""
     shared, per_leg, body = VARIANTS[variant]
-    states: dict[str, Any] = dict.fromkeys(POSE[:3], "m") | dict.fromkeys(POSE[3:], "rad")
-    states |= dict.fromkeys(VELOCITY[:3], "m/s") | dict.fromkeys(VELOCITY[3:], "rad/s")
+    states: dict[str, Any] = dict.fromkeys(POSE[:3], ("m", 0.1)) | dict.fromkeys(POSE[3:], ("rad", 0.1))  # with natural sizes
+    states |= dict.fromkeys(VELOCITY[:3], ("m/s", 0.1)) | dict.fromkeys(VELOCITY[3:], ("rad/s", 0.1))
     for i in LEGS:
-        states |= {f"p_A{i}": ("Pa", 1e7), f"p_B{i}": ("Pa", 1e7), f"x_v{i}": "1"}
+        states |= {f"p_A{i}": ("Pa", 1e7), f"p_B{i}": ("Pa", 1e7), f"x_v{i}": ("1", 0.1)}
     outputs = {f"{k}{i}": unit for k, unit in (("q", "m"), ("p_A", "Pa"), ("p_B", "Pa"), ("x_v", "1")) for i in LEGS}
     constants = CONSTANTS | {k: v[:2] for k, v in LEG.items() if k not in (*shared, *per_leg)}
     constants |= {k: v[:2] for k, v in BODY.items() if k not in body}

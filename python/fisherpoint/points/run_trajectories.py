@@ -152,8 +152,8 @@ def _from_controlled(
     """
     p, states = len(model.parameters), names_of(model.states)
     kept = model.states_by_parameters
-    missing = s.any(axis=0) if kept is None else s.any(axis=0) & ~kept
-    names = tuple(name for name, more in zip(states, missing.any(axis=1), strict=True) if more)
+    missing = (s != 0).any(axis=0) & (True if kept is None else ~kept)
+    names = tuple(states[i] for i in np.flatnonzero(missing.any(axis=1)))
     if not names:
         return _by_kernel(model, runs, x0, theta, settings, s=s, outputs_alone=outputs_alone, **moved)
     places = [states.index(name) for name in names]

@@ -108,7 +108,7 @@ class PartWork:
 def sizes_here(most: int, least: int = 1) -> Iterator[int]:
     """Sizes of parts that are computed one after the other: larger where they take little time, as fits take less together.
 
-    They are as small at first as they may be, as Ctrl-C is to find something, however long a fit takes. `least` take as long as one.
+    They are small at first, as Ctrl-C is to find something, however long a fit takes: `least`, which take as long as one.
     """
     size = least
     while True:
