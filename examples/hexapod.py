@@ -3,7 +3,7 @@
     python examples/hexapod.py
 
 The platform stands at a given pose, under control. The program finds where pressures and spools are there, and how that depends on
-the parameters; it evaluates one run of two seconds from there for 54 of them. docs/how_to/whole_machine.md goes on from here.
+the parameters, and designs one run of two seconds from there for 54 of them. docs/how_to/whole_machine.md goes on from here.
 
 The equations are those of a textbook. The pose is that of the plane of the platform's joints, R = Rz Ry Rx; velocities are in the
 body's frame; Newton and Euler hold about the centre of gravity c. Legs have no mass. Each is the cylinder of eq. (19).
