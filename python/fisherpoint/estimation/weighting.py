@@ -273,7 +273,7 @@ class WeightedResiduals:
         return self._of_columns(self.unknowns.slopes(values))
 
     def _of_columns(self, of_unknowns: Array) -> Array:
-        """Of each column of a response, (B, 1 or N, 1, columns), what there is of each unknown (B, P)."""
+        """Values of unknowns (B, P) at the columns of a response, (B, 1 or N, 1, columns)."""
         local, common = self.observed.local, self.observed.common
         if not local.each:
             return np.asarray(of_unknowns[:, None, None, :])
