@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -185,3 +186,28 @@ def test_mistakes(previous: Any, error: type[Exception], expected: str) -> None:
         fp.exchange(problem(), 3, **QUICK, previous=previous)
     with pytest.raises(error, match=expected):
         fp.evaluate(problem(), SECOND, previous=previous)
+
+
+@pytest.mark.parametrize("criterion", ["A", "D", "E"])
+@pytest.mark.parametrize("text", ["a*b*u", "a*u + a*b*u"])
+def test_a_search_beside_points_that_leave_the_same_open(text: str, criterion: str) -> None:
+    """Information that is known in one direction alone must not become indefinite by rounding in the coordinates of a search."""
+    model = fp.SymbolicModel([], [text], {}, dict.fromkeys("uv", "1"), dict.fromkeys("ab", "1"), {"y": "1"})
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        mean = {name: float(rng.uniform(0.5, 2.0)) for name in "ab"}
+        region = fp.ExperimentRegion({name: (0.1, float(rng.uniform(0.5, 3.0))) for name in "uv"})
+        prior = fp.GaussianPrior(mean, relative_std=dict.fromkeys("ab", 0.2))
+        problem = fp.DesignProblem(model, prior, region, noise={"y": float(10 ** rng.uniform(-3, 0))})
+        before = region.draw(model, 3, seed=rng)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            design = fp.exchange(
+                problem,
+                1 + seed,
+                n_candidates=4,
+                max_iterations=6,
+                goal=fp.Goal(criterion),
+                previous=before,  # type: ignore[arg-type]
+            )
+        assert design.evaluation.rank == 1

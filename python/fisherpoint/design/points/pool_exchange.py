@@ -148,8 +148,8 @@ class _Scenario:
             factor = _factor(np.einsum("pnk,qnk->pq", columns, columns) * len(chosen) / columns.shape[2] + fixed)
             least = criterion.small
         self.columns = kernels.divided(factor, columns)
-        half = np.linalg.solve(factor, fixed)
-        self._fixed = np.linalg.solve(factor, half.T) + least * np.eye(len(fixed))
+        half = np.linalg.solve(factor, _root(fixed))
+        self._fixed = half @ half.T + least * np.eye(len(fixed))
         self.criterion, self.factor = criterion.in_coordinates(factor), factor
 
     def of(self, chosen: NDArray[np.intp]) -> Array:
@@ -158,6 +158,14 @@ class _Scenario:
         fisher = columns @ columns.T + self._fixed
         fisher.flat[:: len(fisher) + 1] *= 1 + TINY
         return fisher
+
+
+def _root(known: Array) -> Array:
+    """A root R of information R R^T that may be singular: its rounding errors do not make it indefinite in other coordinates."""
+    scale = np.sqrt(np.where(np.diag(known) > 0, np.diag(known), 1.0))
+    values, vectors = np.linalg.eigh(known / np.outer(scale, scale))
+    kept = values > len(known) * np.finfo(float).eps * max(values[-1], 0.0)
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.where(kept, values, 0.0)))
 
 
 def _factor(fisher: Array) -> Array:
