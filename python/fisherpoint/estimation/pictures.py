@@ -127,13 +127,13 @@ def plot_correlation(fit: FitStatistics) -> Figure:
 
 
 def ellipse(covariance: NDArray[Any], quantile: float, count: int = 181) -> NDArray[np.float64]:
-    """Points (count, 2) of the ellipse d^T C^-1 d = quantile about zero; its half-axes are sqrt(quantile * eigenvalues of C)."""
+    """Points (count, 2) of the ellipse d^T C^-1 d = quantile about zero: L times a circle, with C = L L^T."""
     std = np.sqrt(np.diag(covariance))
-    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))  # the same ellipse; units do not count for the rounding
+    correlation = float(np.clip(covariance[0, 1] / (std[0] * std[1]), -1.0, 1.0))
     angle = np.linspace(0.0, 2 * np.pi, count)
-    half_axes = np.sqrt(np.maximum(values, 0.0) * quantile)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) * half_axes
-    return np.asarray(circle @ vectors.T * std)
+    first, second = np.cos(angle), np.sin(angle)
+    both = np.stack([first, correlation * first + np.sqrt(1 - correlation**2) * second], axis=1)
+    return np.asarray(np.sqrt(quantile) * both * std)
 
 
 def plot_ellipses(fit: FitStatistics, level: float = 0.95) -> Figure:
