@@ -226,7 +226,10 @@ def test_the_quick_way_is_that_of_the_whole_matrix() -> None:
     "noise", [Noise(0.1, resolution=0.5), Noise(0.1, resolution=1.0, limits=(0.0, 3.0)), Noise(0.2, limits=(None, 1.0))]
 )
 def test_information_over_where_outputs_lie(noise: Noise, y: float) -> None:
-    """Beside an integral over normal outputs; of no spread, that of the reading; of a wide one, the mean over a step."""
+    """Beside integrals over normal outputs; of no spread, that of the reading; of a wide one, the mean over a step.
+
+    Of limits, what leaves the same mean variance of the output where ten readings are alike.
+    """
     sensors = Sensors.of({"y": noise}, ["y"])
 
     def information(at: Array) -> Array:
@@ -234,7 +237,19 @@ def test_information_over_where_outputs_lie(noise: Noise, y: float) -> None:
 
     for spread in (0.05, 0.2):
         nodes = np.linspace(-8, 8, 20001)
-        expected = float(np.trapezoid(information(y + spread * nodes) * stats.norm.pdf(nodes), nodes))
+        there = y + spread * nodes
+
+        def mean(of: Array) -> float:
+            return float(np.trapezoid(of * stats.norm.pdf(nodes), nodes))  # noqa: B023
+
+        expected = mean(information(there))
+        if noise.limited:
+            low, high = (edge if edge is not None else side for edge, side in zip(noise.limits, (-np.inf, np.inf), strict=True))
+            wide = float(np.hypot(noise.std, noise.resolution / np.sqrt(12)))
+            past = np.maximum(np.maximum(low - there, there - high), 0.0)
+            known = np.where(past > 0, spread**2 / (past**2 + wide**2), 0.0)
+            smooth = 10 * spread**2 * reading_information(there, wide, lower=low, upper=high)
+            expected *= (1 / mean(1 / (1 + smooth + known)) - 1) / mean(smooth)
         given = float(sensors.precision(np.array([[y]]), np.array([[spread]]))[0, 0])
         assert given == pytest.approx(expected, rel=0.03, abs=0.003 / noise.std**2)
     exact = sensors.precision(np.array([[y]]), np.zeros((1, 1)))
