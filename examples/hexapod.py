@@ -64,10 +64,11 @@ def joints() -> tuple[Any, Any]:
     pair, side = np.repeat([0, 1, 2], 2), np.tile([1, -1], 3)
     base = np.radians(120.0) * pair + side * HALF_ANGLE
     platform = np.radians(120.0) * pair + side * (np.radians(60.0) - HALF_ANGLE)
-    return tuple(
-        radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(6)])
-        for radius, angle in ((RADIUS_BASE, base), (RADIUS_PLATFORM, platform))
-    )
+
+    def circle(radius: float, angle: Any) -> Any:
+        return radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(6)])
+
+    return circle(RADIUS_BASE, base), circle(RADIUS_PLATFORM, platform)
 
 
 def cross(a: Any, b: Any) -> Any:
