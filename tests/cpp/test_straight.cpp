@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "fisherpoint/compiled/straight.hpp"
@@ -100,7 +101,9 @@ TEST_CASE("straight functions compute what lists do, to the last bit") {
     other.run(nothing);
     for (int k = 0; k < operations; ++k)
       for (int lane = 0; lane < P::width; ++lane) {
-        INFO(operation_names[k] << " of " << theta[0][lane] << ", " << theta[1][lane] << ", " << theta[2][lane]);
+        INFO(std::string(operation_names[k]) << " of " << theta[0][lane] << ", " << theta[1][lane] << ", " << theta[2][lane]);
+        INFO(one.output(k)[lane] << " in a list, " << other.output(k)[lane] - one.output(k)[lane]
+                                 << " more in a straight function");
         REQUIRE(same(one.output(k)[lane], other.output(k)[lane]));
       }
   }

@@ -86,13 +86,13 @@ class Machine {
           result = -a;
           break;
         case O::mul_add:
-          result = a * b + c;
+          result = fused(a, b, c);
           break;
         case O::mul_sub:
-          result = a * b - c;
+          result = fused(a, b, -c);
           break;
         case O::sub_mul:
-          result = c - a * b;
+          result = fused(-a, b, c);
           break;
         case O::sqrt:
           result = sqrt(a);

@@ -155,10 +155,10 @@ inline V turned(const Circle& at, Bits turns) {
 [[gnu::noinline]] inline V log(V x) {
   using namespace detail;
   typedef std::uint64_t Shifted __attribute__((vector_size(register_bytes)));
-  constexpr std::int64_t one = 0x3ff0000000000000, least = 0x3fe6a09e667f3bcd, digits = 0xfffffffffffff;
-  // x = 2^e m with m between the roots of 1/2 and 2.
-  const Bits shifted = (Bits)x + (one - least);
-  const V e = (V)((Bits)((Shifted)shifted >> 52) | 0x4330000000000000) - (0x1p52 + 1023.0);
+  constexpr std::uint64_t one = 0x3ff0000000000000, least = 0x3fe6a09e667f3bcd, digits = 0xfffffffffffff;
+  // x = 2^e m with m between the roots of 1/2 and 2. Without signs, as the bits of what is not finite would overflow.
+  const Shifted shifted = (Shifted)x + (one - least);
+  const V e = (V)((shifted >> 52) | 0x4330000000000000) - (0x1p52 + 1023.0);
   const V m = (V)((shifted & digits) + least), d = m + 1.0;
   const Pair s = quotient({m - 1.0, V{}}, {d, m - (d - 1.0)});
   const V both = s.high + s.low, z = both * both;

@@ -50,6 +50,13 @@ inline NativeVector fused(NativeVector a, NativeVector b, NativeVector c) {
   return a * b + c;
 #endif
 }
+inline double fused(double a, double b, double c) {
+#if defined(__FMA__) || defined(__aarch64__)
+  return __builtin_fma(a, b, c);
+#else
+  return a * b + c;
+#endif
+}
 
 // Square root and quotient, to within one unit in the last place at every level, and of zeros, infinities and NaN what IEEE 754
 // says, but for the sign of a zero. AVX-512 machines have one slow divider for both, so there they come from the 14-bit
@@ -241,6 +248,10 @@ struct Pack {
 
   friend Pack select(const Mask<W>& m, Pack a, const Pack& b) {
     for (int k = 0; k < parts; ++k) a.part[k] = m.part[k] ? a.part[k] : b.part[k];
+    return a;
+  }
+  friend Pack fused(Pack a, const Pack& b, const Pack& c) {
+    for (int k = 0; k < parts; ++k) a.part[k] = fused(a.part[k], b.part[k], c.part[k]);
     return a;
   }
   friend Pack sqrt(Pack a) {
