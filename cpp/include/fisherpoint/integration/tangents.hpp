@@ -37,8 +37,13 @@ class Tangents {
   State x;
   Columns<M, P> s;
 
-  Tangents(const Equation& equation, const State& x0, const Tolerance& tolerance)
-      : x(x0), f_(equation), method_(method_of<Method>(tolerance)), tolerance_(tolerance.relative) {
+  // `step_by_step`: the error of every step is asked for.
+  Tangents(const Equation& equation, const State& x0, const Tolerance& tolerance, bool step_by_step = false)
+      : x(x0),
+        f_(equation),
+        method_(method_of<Method>(tolerance)),
+        tolerance_(tolerance.relative),
+        step_by_step_(step_by_step) {
     fit(s, f_.dependence.in_columns);
     fit(squared_column_error_, f_.parameters);
     fit(squared_column_size_, f_.parameters);
@@ -104,6 +109,28 @@ class Tangents {
     return largest_relative_error(squared_error_, squared_error, squared_column_size_);
   }
 
+  // The squared error of the last step, of x or of the column for which it is largest.
+  const P& squared_step_error() const { return squared_step_error_; }
+
+  // What a lane has come to, as many numbers: to go on from it in another pack.
+  void store_lane(int lane, std::vector<double>& numbers) {
+    numbers.clear();
+    for_each_number([&](const P& number) { numbers.push_back(lanes_of<P>::get(number, lane)); });
+  }
+  void load_lane(int lane, const std::vector<double>& numbers) {
+    auto next = numbers.begin();
+    for_each_number([&](P& number) { lanes_of<P>::set(number, lane, *next++); });
+  }
+  // And for all lanes, to take steps back that were too long.
+  void keep() {
+    kept_.clear();
+    for_each_number([&](const P& number) { kept_.push_back(number); });
+  }
+  void take_back(const Mask& lanes) {
+    auto next = kept_.begin();
+    for_each_number([&](P& number) { number = select(lanes, *next++, number); });
+  }
+
   // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink. With `dense`, a method's that has it, x
   // and S are known within the step.
   FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none(), bool dense = false) {
@@ -120,7 +147,8 @@ class Tangents {
       if (unforeseen(dense_)) extend(step, side, rate);
     Estimate estimate;
     for_each_index(f_.states, [&](auto i) { estimate.add(finish(x[i], rate, i), f_.inverse_scale(i)); });
-    squared_error_ += squared(estimate);
+    squared_step_error_ = squared(estimate);
+    squared_error_ += squared_step_error_;
     for_each_index(f_.parameters, [&](auto j) {
       if (f_.dependence.leader(j) != j) return;
       for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) advance_column(j, k);
@@ -304,6 +332,14 @@ class Tangents {
     return {method_.error_of(rate, i), coarse};
   }
 
+  void for_each_number(auto&& use) {
+    for (P& entry : x) use(entry);
+    for (P& entry : s) use(entry);
+    use(squared_error_);
+    for (auto* const of_columns : {&squared_column_error_, &squared_column_size_, &coarse_fourth_})
+      for (P& entry : *of_columns) use(entry);
+  }
+
   auto stages() const { return method_.in_error; }  // that take part in S
   static P square(const P& a) { return a * a; }
 
@@ -393,9 +429,14 @@ class Tangents {
       estimate.add(finish(entry, rate, i), f_.inverse_scale(i));
       size += square(entry * f_.inverse_scale(i));
     });
-    squared_column_error_[k] += squared(estimate);
+    const P squared_error = squared(estimate);
+    squared_column_error_[k] += squared_error;
     coarse_fourth_[k] += square(estimate.coarse);
     squared_column_size_[k] = max(squared_column_size_[k], size);
+    if (!step_by_step_) return;
+    const P least = (least_error * least_error) * square(estimate.coarse), share = squared_column_size_[k] + P(1e-200);
+    const P error = max(squared_error * share, least) / (share * share);
+    squared_step_error_ = select(error <= squared_step_error_, squared_step_error_, error);  // NaN where any is
   }
 
   // What the Jacobian of stage s makes of `column`, which is column k and has the pattern of column j. As advance_column has it
@@ -451,6 +492,9 @@ class Tangents {
   P squared_error_{0.0};
   typename ArraysOf<M, P>::Parameters squared_column_error_, squared_column_size_;
   typename ArraysOf<M, P>::Parameters coarse_fourth_;  // the column's distance to the coarse solution, to the fourth power
+  bool step_by_step_;
+  P squared_step_error_{0.0};
+  ShelfVector<P> kept_;
   Jacobian<M, P> jacobian_[Method::most_in_error + DenseOutput::more];
   // Of the last step, where it was dense: x and then S at its start, and how they go on.
   bool dense_ = false;

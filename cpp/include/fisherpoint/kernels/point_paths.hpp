@@ -48,6 +48,10 @@ struct PointPath {
   std::vector<int> starts_on;  // kinks where f_x has no bounds, on which it starts
   bool starts_at_limit = false;
   double fineness = 1.0;  // of the steps beside these
+  // Whether steps are divided where S turns out to need it (stepwise_columns.hpp): how many it has taken, and where it is.
+  bool stepwise = false;
+  std::size_t taken = 0;
+  std::vector<double> halfway;
 
   std::size_t size() const { return sizes.size(); }
   // Whether f_x has no bounds where it starts.

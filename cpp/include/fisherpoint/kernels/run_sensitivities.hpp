@@ -67,7 +67,8 @@ class RunTeam {
     const SensitiveTrajectories reached{x_.data(), y_.data(), s_after_.data(), dy_.data(), status_.data()};
     const auto leave = std::chrono::steady_clock::now() + stay;
     while (!done() && std::chrono::steady_clock::now() < leave) {
-      const std::size_t beginning = waiting_.empty() ? starting_.size() : starting_.size() / width * width;
+      const bool stepwise = !waiting_.empty() && waiting_.size() < width && paths_[waiting_[0]].stepwise;  // which fill up
+      const std::size_t beginning = waiting_.empty() || stepwise ? starting_.size() : starting_.size() / width * width;
       std::vector<std::size_t> begun(starting_.begin(), starting_.begin() + beginning);
       starting_.erase(starting_.begin(), starting_.begin() + beginning);
       for (const std::size_t i : begun) begin_piece(shape, runs, start, i, dense, out);
@@ -81,6 +82,10 @@ class RunTeam {
           missed_[i] = !samples_lie_between(shape, paths_[i], at_[i], next_to_jump * tolerance.relative * dt_[i]);
       waiting_.insert(waiting_.end(), begun.begin(), begun.end());
       end_pieces(shape, runs, start, out);  // that have failed
+      in_packs(Workers(1), stepwise_packs(width), width, [&](auto rows) {
+        follow_columns_stepwise<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
+      });
+      end_pieces(shape, runs, start, out);
       in_packs(Workers(1), full_packs(width), width, [&](auto rows) {
         follow_columns<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
       });
@@ -287,14 +292,24 @@ class RunTeam {
     starting_.push_back(i);
   }
 
-  // Those of the waiting pieces that fill packs, by the number of their steps.
+  // Those of the waiting pieces that go step by step, whichever fill packs; a pack of less where no further one can begin.
+  std::vector<std::size_t> stepwise_packs(std::size_t width) {
+    std::vector<std::size_t> filling;
+    for (const std::size_t i : waiting_)
+      if (paths_[i].stepwise) filling.push_back(i);
+    if (filling.size() >= width) filling.resize(filling.size() / width * width);
+    return filling;
+  }
+
+  // Those of the other ones that fill packs, by the number of their steps.
   std::vector<std::size_t> full_packs(std::size_t width) {
     std::stable_sort(waiting_.begin(), waiting_.end(), [&](auto a, auto b) { return paths_[a].size() < paths_[b].size(); });
-    std::vector<std::size_t> filling;
+    std::vector<std::size_t> whole, filling;
+    std::copy_if(waiting_.begin(), waiting_.end(), std::back_inserter(whole), [&](auto i) { return !paths_[i].stepwise; });
     std::span<const std::size_t> fullest;
     double most = 0.0;
-    for (std::size_t first = 0; first < waiting_.size(); first += width) {
-      const std::span pack(waiting_.data() + first, std::min(width, waiting_.size() - first));
+    for (std::size_t first = 0; first < whole.size(); first += width) {
+      const std::span pack(whole.data() + first, std::min(width, whole.size() - first));
       std::size_t steps = 0;
       bool long_enough = false;
       for (const std::size_t i : pack) {

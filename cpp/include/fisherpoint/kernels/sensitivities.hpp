@@ -3,8 +3,9 @@
 // First the states alone, lanes = points: the adaptive loop finds the kinks and the sizes of the steps, and how each trajectory
 // ends. Then S along these steps, somewhat refined, with points of equally many steps in a pack: so the costly part runs
 // without a branch on full packs, and no result depends on what shares its pack. Points whose estimated error is above the
-// tolerance are done again in finer steps. S is made column by column (tangents.hpp), or where dy/dtheta alone is asked for and
-// outputs are few beside parameters, row by row (adjoints.hpp). Implicit steps have columns alone (implicit_tangents.hpp).
+// tolerance are done again in finer steps; those of large models step by step (stepwise_columns.hpp). S is made column by
+// column (tangents.hpp), or where dy/dtheta alone is asked for and outputs are few beside parameters, row by row
+// (adjoints.hpp). Implicit steps have columns alone (implicit_tangents.hpp).
 #pragma once
 
 #include <algorithm>
@@ -20,20 +21,28 @@
 #include "fisherpoint/integration/integrator.hpp"
 #include "fisherpoint/integration/steep_tangents.hpp"
 #include "fisherpoint/integration/tangents.hpp"
+#include "fisherpoint/kernels/column_ends.hpp"
 #include "fisherpoint/kernels/derivatives_at_jumps.hpp"
 #include "fisherpoint/kernels/point_paths.hpp"
 #include "fisherpoint/kernels/points.hpp"
 #include "fisherpoint/kernels/segment_ends.hpp"
+#include "fisherpoint/kernels/stepwise_columns.hpp"
 #include "fisherpoint/kernels/workers.hpp"
 
 namespace fisherpoint {
 
-struct SensitiveTrajectories {
-  double *x, *y;                  // (count, n_x), (count, n_y), where the trajectory ended
-  double *dx_dtheta, *dy_dtheta;  // (count, n_x, p) or none, (count, n_y, p); zero where it is not ok
-  Status* status;                 // (count,)
-  bool states_judge = false;      // whether a point ends on a jump that its states feel is on_jump also without dx_dtheta
-};
+// Every row costs about 1.4 columns, and there is one more for their error. Of a tape that is known at run time only.
+constexpr bool rows_pay(int rows, int parameters) { return rows + 1 < 0.7 * parameters; }
+template <class M>
+inline constexpr bool rows_may_pay = true;
+template <Model M>
+inline constexpr bool rows_may_pay<M> = rows_pay(Dependence<M>::varying_outputs, sizes<M>::parameters);
+
+// Whether dy/dtheta alone takes less time than with dx/dtheta.
+template <class M>
+bool takes_rows(const M& model) {
+  return rows_pay(dependence_of(model).varying_outputs, shape_of(model).parameters);
+}
 
 // Into the paths of points[rows[0]], points[rows[1]], ...: as many as the pack has lanes.
 template <class P, class Method, class M>
@@ -141,9 +150,15 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     });
     const bool steep = equation.dependence.any_steep() || taken.starts_steep();
     if (shape.holds_end > shape.jumps_end) taken = held_at_once(shape, taken);
-    const bool finer = carried && carried->samples && carried->samples->inside(k) > 0;
+    const bool inside = carried && carried->samples && carried->samples->inside(k) > 0;
+    const bool by_rows = !carried && !out.dx_dtheta && takes_rows(model);
+    if (!by_rows && is_stepwise<M>(shape, equation.dependence, taken, steep, inside, carried && carried->moved.each > 0)) {
+      paths[k] = taken;
+      paths[k].stepwise = true;
+      continue;
+    }
     paths[k] = refined<M>(steep ? with_steep_steps(shape, equation.dependence, taken) : taken,
-                          finer ? refinement_of_sampled : first_refinement);
+                          inside ? refinement_of_sampled : first_refinement);
     paths[k].fineness = 1.0;
     if (shape.holds_end > shape.jumps_end) {  // onto a surface that holds it, from either side
       paths[k].start = paths[k].runs[0].side;
@@ -240,28 +255,10 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
 
   const Method& method = method_of<Method>(tolerance);
   const P error = tangents.relative_error();
-  typename StateEquation<M, P>::Output y;
-  fit(y, shape.outputs);
-  ShelfVector<P> dx(n_x * p), dy(n_y * p);
-  equation.output(tangents.x, tangents.s, y, dy);
-  for_each_index(shape.states, [&](auto i) {
-    for_each_index(shape.parameters, [&](auto j) {
-      dx[i * p + j] = P(0.0);
-      if (equation.dependence.depends(i, j))
-        dx[i * p + j] = tangents.s[equation.dependence.column_start[j] + detail::below(equation.dependence.rows(j), i)];
-    });
-  });
-  const mask_of_lanes<P> ends = finite<P>(tangents.x) & finite<P>(dx), known = finite<P>(y) & finite<P>(dy);
-  mask_of_lanes<P> whole = ends & known;
-  for (int lane = 0; carried && lane < pack.used; ++lane)
-    if (!carried->measured[rows[lane]] && !lanes_of<P>::get(known, lane) && lanes_of<P>::get(ends, lane)) {
-      for (P& entry : y) lanes_of<P>::set(entry, lane, 0.0);
-      for (P& entry : dy) lanes_of<P>::set(entry, lane, 0.0);
-      lanes_of<P>::set(whole, lane, true);
-    }
+  ColumnEnds<M, P> ends(equation, tangents, rows, carried);
   auto beside = lanes_of<P>::none();
   if (shape.jumps_end > 0 && std::any_of(rows.begin(), rows.end(), [&](auto k) { return paths[k].ends_on_jump; }))
-    beside = ends_beside<P, Method, M>(equation, tangents, dy, rows, paths, carried,
+    beside = ends_beside<P, Method, M>(equation, tangents, ends.dy, rows, paths, carried,
                                        carried || !(out.dx_dtheta || out.states_judge));
   for (int lane = 0; lane < pack.used; ++lane) {
     const std::size_t k = rows[lane];
@@ -286,29 +283,28 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
       end.side.assign(paths[k].runs.back().side.begin(), paths[k].runs.back().side.begin() + int{shape.jumps_end});
     }
     if (!accepted(method, lanes_of<P>::get(error, lane), method.allowed_estimate, tolerance, paths[k], out.status[k])) continue;
-    if (!lanes_of<P>::get(whole, lane)) {
-      out.status[k] = Status::not_finite;
-      continue;
-    }
-    get_lane(tangents.x, lane, out.x + k * n_x);
-    get_lane(y, lane, out.y + k * n_y);
-    if (out.dx_dtheta) get_lane(dx, lane, out.dx_dtheta + k * n_x * p);
     // A sample of a run that has none adds no information; behind it the run goes on.
-    if (!without || !carried->measured[k]) get_lane(dy, lane, out.dy_dtheta + k * n_y * p);
+    ends.store(lane, k, !without || !carried->measured[k], out);
   }
 }
 
-// Every row costs about 1.4 columns, and there is one more for their error. Of a tape that is known at run time only.
-constexpr bool rows_pay(int rows, int parameters) { return rows + 1 < 0.7 * parameters; }
-template <class M>
-inline constexpr bool rows_may_pay = true;
-template <Model M>
-inline constexpr bool rows_may_pay<M> = rows_pay(Dependence<M>::varying_outputs, sizes<M>::parameters);
-
-// Whether dy/dtheta alone takes less time than with dx/dtheta.
-template <class M>
-bool takes_rows(const M& model) {
-  return rows_pay(dependence_of(model).varying_outputs, shape_of(model).parameters);
+// The same for paths that are followed step by step; some are left halfway.
+template <class P, class Method, class M>
+void follow_columns_stepwise(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
+                             std::span<const std::size_t> rows, const Carried* carried, std::vector<PointPath<M>>& paths,
+                             const SensitiveTrajectories& out) {
+  const auto finish = [&](const VariationalEquation<M, P>& equation, const Tangents<M, P, Method>& tangents, auto&& done) {
+    const P error = tangents.relative_error();
+    const ColumnEnds<M, P> ends(equation, tangents, rows, carried);
+    const Method& method = method_of<Method>(tolerance);
+    for (int lane = 0; lane < static_cast<int>(rows.size()); ++lane) {
+      const std::size_t k = rows[lane];
+      if (done(lane) &&
+          accepted(method, lanes_of<P>::get(error, lane), method.allowed_estimate, tolerance, paths[k], out.status[k]))
+        ends.store(lane, k, true, out);
+    }
+  };
+  follow_stepwise<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out.status, finish);
 }
 
 // How much a row counts beside others in the estimate of their errors: none like another, so that rows of opposite outputs do
@@ -386,7 +382,13 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
              [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out); });
     while (std::erase_if(todo, [&](auto k) { return paths[k].size() == 0; }), !todo.empty()) {
       std::stable_sort(todo.begin(), todo.end(), [&](auto a, auto b) { return paths[a].size() < paths[b].size(); });
-      std::vector<std::size_t> in_columns;
+      std::vector<std::size_t> in_columns, stepwise;
+      for (const std::size_t k : todo)
+        if (paths[k].stepwise) stepwise.push_back(k);
+      std::erase_if(todo, [&](auto k) { return paths[k].stepwise; });
+      in_packs(workers, stepwise, width, [&](auto rows) {
+        follow_columns_stepwise<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out);
+      });
       if constexpr (rows_may_pay<M>) {
         if (by_rows) {
           std::vector<std::size_t> in_rows;
@@ -399,6 +401,7 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
       }
       in_packs(workers, by_rows ? in_columns : todo, width,
                [&](auto rows) { follow_columns<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out); });
+      todo.insert(todo.end(), stepwise.begin(), stepwise.end());
     }
   }
 }
