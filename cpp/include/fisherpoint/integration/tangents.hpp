@@ -147,8 +147,8 @@ class Tangents {
       if (unforeseen(dense_)) extend(step, side, rate);
     Estimate estimate;
     for_each_index(f_.states, [&](auto i) { estimate.add(finish(x[i], rate, i), f_.inverse_scale(i)); });
-    squared_step_error_ = squared(estimate);
-    squared_error_ += squared_step_error_;
+    squared_error_ += squared(estimate);
+    if (step_by_step_) begin_step_error(estimate);
     for_each_index(f_.parameters, [&](auto j) {
       if (f_.dependence.leader(j) != j) return;
       for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) advance_column(j, k);
@@ -324,6 +324,14 @@ class Tangents {
     return judged(method_, estimate.error, estimate.coarse, beside_);
   }
 
+  // Functions of their own, so that the sums above are contracted as without them.
+  [[gnu::noinline]] void begin_step_error(const Estimate& of_x) { squared_step_error_ = squared(of_x); }
+  [[gnu::noinline]] void add_step_error(const Estimate& of_column, const P& squared_size) {
+    const P least = (least_error * least_error) * square(of_column.coarse), size = squared_size + P(1e-200);
+    const P error = max(squared(of_column) * size, least) / (size * size);
+    squared_step_error_ = select(error <= squared_step_error_, squared_step_error_, error);  // NaN where any is
+  }
+
   // Moves a number to the step's end; returns its differences to the embedded solutions.
   std::pair<P, P> finish(P& value, const State* rate, auto i) const {
     const P change = method_.end_of(rate, i);
@@ -429,14 +437,10 @@ class Tangents {
       estimate.add(finish(entry, rate, i), f_.inverse_scale(i));
       size += square(entry * f_.inverse_scale(i));
     });
-    const P squared_error = squared(estimate);
-    squared_column_error_[k] += squared_error;
+    squared_column_error_[k] += squared(estimate);
     coarse_fourth_[k] += square(estimate.coarse);
     squared_column_size_[k] = max(squared_column_size_[k], size);
-    if (!step_by_step_) return;
-    const P least = (least_error * least_error) * square(estimate.coarse), share = squared_column_size_[k] + P(1e-200);
-    const P error = max(squared_error * share, least) / (share * share);
-    squared_step_error_ = select(error <= squared_step_error_, squared_step_error_, error);  // NaN where any is
+    if (step_by_step_) add_step_error(estimate, squared_column_size_[k]);
   }
 
   // What the Jacobian of stage s makes of `column`, which is column k and has the pattern of column j. As advance_column has it
