@@ -35,14 +35,12 @@ from ..noise.sensors import Sensors
 from ..points.runs import Points, as_runs
 from ..points.status import Status
 from .figures import LEVEL
+from .fit_accuracy import EXACT, accuracy_of
 from .searches import Searched, Searches
 from .truths import Rig, Streams
 
 MOST_NUMBERS = 8_000_000
 """Entries of the Jacobians of the problems that are advanced at once, so that memory stays bounded."""
-
-RTOL = 1e-9
-"""Tolerance of the fits' trajectories."""
 
 NO_LABELS: Mapping[str, tuple[str, ...]] = FrozenMapping({})
 
@@ -103,6 +101,8 @@ class Estimator:
     nuisance : int
         So many unknowns behind the parameters are constants of the plant that are not known exactly, and starts that all runs
         share.
+    solved : float
+        Distance to the minimum, in standard errors, at which a fit ends.
     """
 
     residuals: WeightedResiduals
@@ -110,6 +110,7 @@ class Estimator:
     noise_known: bool
     promise: Precision
     nuisance: int = 0
+    solved: float = EXACT.solved
 
     @classmethod
     def of(
@@ -119,7 +120,7 @@ class Estimator:
         noise: NoiseOf,
         noise_known: bool,
         use_prior: bool,
-        rtol: float,
+        rtol: float | None,
         threads: int,
         over_prior: bool = False,
         labels: Mapping[str, tuple[str, ...]] = NO_LABELS,
@@ -134,6 +135,8 @@ class Estimator:
         nuisance, starts_anew = nuisance_of(problem.uncertain, problem.initial_state_std, problem.shared_starts)
         joint = nuisance.of(model)
         theta = joint.theta(problem.theta)
+        enough, solved = accuracy_of(joint.model, len(names) + len(joint.nuisance_names))
+        rtol = enough if rtol is None else rtol
         observed = Observed(joint.model, [data], (*names, *joint.nuisance_names), theta, rtol, threads, of_groups)
         if not noise_known:
             check_noise_is_determined(observed, prior if use_prior else None)
@@ -161,7 +164,7 @@ class Estimator:
             correlation = np.eye(len(unknowns))
             correlation[: len(names), : len(names)] = problem.prior.marginal(names).correlation
             promise = _over_prior(residuals, values, response, correlation, use_prior)
-        return cls(residuals, starts, noise_known, promise, len(joint.nuisance))
+        return cls(residuals, starts, noise_known, promise, len(joint.nuisance), solved)
 
     @property
     def unknowns(self) -> Unknowns:
@@ -218,7 +221,7 @@ class Estimator:
 
     def searched(self, residuals: WeightedResiduals, truth: Array) -> Searched:
         """The minima of experiments whose truth is (B, P) in coordinates."""
-        return Searches(residuals, self.noise_known, self.starts).searched(truth)
+        return Searches(residuals, self.noise_known, self.starts, self.solved).searched(truth)
 
     def fit(self, y: Array, truth: Array) -> VirtualFits:
         """Fit data (B, N, n_y) of true unknowns, the nuisance and local ones with them."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
-from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, TOLERANCE, Minima, minimise
+from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, Minima, minimise
 from ..estimation.search import SAME_MINIMUM, SETTLED_TO_COMPARE
 from ..estimation.unknown_noise import SETTLED, correlations_can_be_estimated, likelihood_deviance, minimise_log_det
 from ..estimation.weighting import WeightedResiduals
@@ -64,11 +64,14 @@ class Searches:
     noise_known : bool
     starts : ndarray, (k, P)
         In coordinates; first the prior mean, then nodes spread over the prior.
+    solved : float
+        Distance to the minimum, in standard errors, at which a search with known noise ends.
     """
 
     residuals: WeightedResiduals
     noise_known: bool
     starts: Array
+    solved: float
 
     def searched(self, truth: Array) -> Searched:
         """The lowest minima that are found from the starts; `truth` (B, P), in coordinates, shows which are wrong.
@@ -80,7 +83,7 @@ class Searches:
         to_compare = (SETTLED_TO_COMPARE, CLOSE_ENOUGH_TO_COMPARE)
         # Both together: the last few searches that go on take as long as many.
         starts = np.concatenate([self._inside(truth), np.tile(self.starts[0], (len(truth), 1))])
-        ends = (np.repeat(pair, len(truth)) for pair in zip(to_compare, (SETTLED, TOLERANCE), strict=True))
+        ends = (np.repeat(pair, len(truth)) for pair in zip(to_compare, (SETTLED, self.solved), strict=True))
         both = self._searched(starts, np.tile(everything, 2), TRIED_EVALUATIONS, *ends)
         from_truth, found = both.some(everything), both.some(len(truth) + everything)
         self._finish(from_truth, from_truth.minima.end == LIMIT, self._same(from_truth.minima.cost), *to_compare)
@@ -99,7 +102,12 @@ class Searches:
         return replace(found, wrong=found.minima.cost > lowest.cost + same)
 
     def _finish(
-        self, found: Searched, chosen: NDArray[np.bool_], same: Array, settled: float = SETTLED, tolerance: float = TOLERANCE
+        self,
+        found: Searched,
+        chosen: NDArray[np.bool_],
+        same: Array,
+        settled: float = SETTLED,
+        tolerance: float | None = None,
     ) -> None:
         """Go on with these searches from where they are."""
         if len(rows := np.flatnonzero(chosen)):
@@ -151,14 +159,15 @@ class Searches:
         rows: NDArray[np.intp],
         evaluations: int,
         settled: float | Array = SETTLED,
-        tolerance: float | Array = TOLERANCE,
+        tolerance: float | Array | None = None,
     ) -> Searched:
         """Minima of the experiments `rows` from z0 (b, P), with costs that can be compared, infinite where there is none."""
         residuals, unknowns = replace(self.residuals, y=self.residuals.y[rows]), self.residuals.unknowns
         n_y = residuals.y.shape[-1]
         if self.noise_known:
             bounds, layout = (unknowns.lower, unknowns.upper), residuals.layout
-            given: dict[str, Any] = {"accuracy": residuals.accuracy, "tolerance": tolerance, "layout": layout}
+            solved = self.solved if tolerance is None else tolerance
+            given: dict[str, Any] = {"accuracy": residuals.accuracy, "tolerance": solved, "layout": layout}
             minima = minimise(residuals.stored, z0, *bounds, evaluations, **given)
             cost, noise = minima.cost, np.zeros((len(rows), n_y, n_y))
         else:
