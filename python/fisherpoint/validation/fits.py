@@ -39,7 +39,7 @@ from .fit_accuracy import EXACT, accuracy_of
 from .searches import Searched, Searches
 from .truths import Rig, Streams
 
-MOST_NUMBERS = 8_000_000
+MOST_NUMBERS = 16_000_000
 """Entries of the Jacobians of the problems that are advanced at once, so that memory stays bounded."""
 
 NO_LABELS: Mapping[str, tuple[str, ...]] = FrozenMapping({})

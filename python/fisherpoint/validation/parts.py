@@ -21,6 +21,9 @@ SECONDS = 5.0
 
 GROWTH = 8.0
 
+FULLER = 3
+"""Parts behind the first are at least so many times as large: while searches end one by one, the others fill the lanes longer."""
+
 BYTES, FEWEST = 90_000, 16
 """Size of what is sent of a part at most, and parts that there are at least: fits take longer in smaller ones."""
 
@@ -108,14 +111,14 @@ class PartWork:
 def sizes_here(most: int, least: int = 1) -> Iterator[int]:
     """Sizes of parts that are computed one after the other: larger where they take little time, as fits take less together.
 
-    They are small at first, as Ctrl-C is to find something, however long a fit takes: `least`, which take as long as one.
+    The first one is small, as Ctrl-C is to find something, however long a fit takes: `least`, which take as long as one.
     """
     size = least
     while True:
         start = perf_counter()
         yield min(size, most)
         seconds = perf_counter() - start
-        size = max(least, int(min(size, most) * min(GROWTH, max(1 / GROWTH, SECONDS / max(seconds, 1e-9)))))
+        size = max(FULLER * least, int(min(size, most) * min(GROWTH, max(1 / GROWTH, SECONDS / max(seconds, 1e-9)))))
 
 
 def sizes_to_send(most: int, count: int) -> Iterator[int]:
