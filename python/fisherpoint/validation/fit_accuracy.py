@@ -21,8 +21,8 @@ class FitAccuracy(NamedTuple):
 EXACT = FitAccuracy(1e-9, TOLERANCE)
 
 ENOUGH = FitAccuracy(1e-7, 1e-4)
-"""The accuracy of fits of large models. The scatter of some hundred fits is known to a few hundredths of a standard error. A fit takes
-half the time so: trajectories 40 % less, and it needs a sixth fewer of them."""
+"""The accuracy of fits of large models. The scatter of some hundred fits is known to a few hundredths of a standard
+error. A fit takes half the time so: trajectories 40 % less, and it needs a sixth fewer of them."""
 
 
 def accuracy_of(model: Model, unknowns: int) -> FitAccuracy:
