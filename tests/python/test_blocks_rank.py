@@ -260,7 +260,7 @@ def test_numbers_of_which_no_sum_is_exact_count_as_they_are_meant() -> None:
 
 
 def test_a_matrix_that_is_no_more_than_rounding_away_from_singular_has_no_answer() -> None:
-    """Where zero cannot be told from rounding, an equation connects all that it reads."""
+    """Where zero cannot be distinguished from rounding, an equation connects all that it reads."""
     h = 1.0 / (np.arange(14)[:, None] + np.arange(14) + 1.0)
     off = h * (1 + 1e-12 * np.random.default_rng(0).standard_normal(h.shape))
     assert eliminated(np.array([h], complex), np.array([off], complex)) is None

@@ -1,4 +1,4 @@
-"""The verdict of `fp.validate`: every run counts, wrong minima are told, and what is said of a promise was shown."""
+"""The verdict of `fp.validate`: every run counts, wrong minima are reported, and what is said of a promise was shown."""
 
 from __future__ import annotations
 
@@ -248,13 +248,13 @@ def test_what_is_broken_is_found(factor: float, runs: int) -> None:
 
 @pytest.mark.parametrize("p", [1, 9, 20])
 def test_as_many_runs_as_are_named_tell(p: int) -> None:
-    told = []
+    reports = []
     for seed in range(20):
         few = {"d": lines_of(p, 80, seed)}
         needed = needed_runs(verdicts_of(few)["d"], 80, level_of_each(few))
         assert 300 < needed < 5000
-        told.append("open" not in outcomes(lines_of(p, needed, 100 + seed)))
-    assert sum(told) >= 16
+        reports.append("open" not in outcomes(lines_of(p, needed, 100 + seed)))
+    assert sum(reports) >= 16
 
 
 def test_bounds_of_shares_are_exact() -> None:
@@ -311,17 +311,17 @@ def test_designs_need_no_names() -> None:
 
 
 def test_results_so_far_survive_an_interrupt() -> None:
-    told: list[fp.Progress] = []
+    reports: list[fp.Progress] = []
 
     def interrupt(now: fp.Progress) -> None:
-        told.append(now)
-        if len(told) == 2:
+        reports.append(now)
+        if len(reports) == 2:
             raise KeyboardInterrupt
 
     points = at([-1.0, 0.4, 2.0])
     found = fp.validate(line(), [points, points[:2]], runs=500, progress=interrupt)
-    assert found.interrupted and found.requested == 500 and found.runs == told[1].step < 500
-    assert [now.total for now in told] == [500, 500] and told[0].step < told[1].step
+    assert found.interrupted and found.requested == 500 and found.runs == reports[1].step < 500
+    assert [now.total for now in reports] == [500, 500] and reports[0].step < reports[1].step
     assert str(found).startswith(f"Interrupted after {found.runs} of 500 virtual experiments; ")
     for design in found.designs.values():
         assert design.per_run is not None and len(design.per_run.truth) == found.runs
@@ -335,15 +335,15 @@ def test_results_so_far_survive_an_interrupt() -> None:
 
 def test_ctrl_c_finds_something_however_long_a_fit_takes() -> None:
     """The first part takes as long as one virtual experiment, as trajectories are computed side by side."""
-    told = []
+    reports = []
 
     def interrupt(now: fp.Progress) -> None:
-        told.append(now)
+        reports.append(now)
         raise KeyboardInterrupt
 
     points = at([-1.0, 0.4, 2.0])
     found = fp.validate(line(), points, runs=500, threads=1, progress=interrupt)
-    assert found.interrupted and found.runs == told[0].step == LANES // 4  # two searches each, in half as many lanes
+    assert found.interrupted and found.runs == reports[0].step == LANES // 4  # two searches each, in half as many lanes
     assert str(found).startswith(f"Interrupted after {LANES // 4} of 500 virtual experiments; ")
 
 

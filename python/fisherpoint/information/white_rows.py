@@ -53,7 +53,7 @@ def white_rows(
 
 
 def independently(problem: DesignProblem, scaled: Array) -> Array:
-    """Standardised derivatives (..., n_y, n) by independent standard normal coordinates in the place of the parameters."""
+    """Standardised derivatives (..., n_y, n) by independent standard normal coordinates instead of the parameters."""
     if not problem.prior.correlated:
         return scaled
     own = len(problem.estimated)

@@ -37,7 +37,7 @@ class Tangents {
   State x;
   Columns<M, P> s;
 
-  // `step_by_step`: the error of every step is asked for.
+  // `step_by_step`: the error of every step is kept.
   Tangents(const Equation& equation, const State& x0, const Tolerance& tolerance, bool step_by_step = false)
       : x(x0),
         f_(equation),
@@ -157,14 +157,7 @@ class Tangents {
   }
 
   // x and S at a share of the last step, which was dense.
-  [[gnu::noinline]] void within(const P& share, State& x_there, Columns<M, P>& s_there) const {
-    const auto entry = [&](std::size_t e) {
-      const auto& of = polynomial_[e];
-      return from_[e] + DenseOutput::change_until(share, [&](int n) { return of[n]; });
-    };
-    for (std::size_t i = 0; i < x_there.size(); ++i) x_there[i] = entry(i);
-    for (std::size_t e = 0; e < s_there.size(); ++e) s_there[e] = entry(x_there.size() + e);
-  }
+  [[gnu::noinline]] void within(const P& share, State& x_there, Columns<M, P>& s_there) const;
 
   // At jumps: passing.hpp.
   //
@@ -215,16 +208,7 @@ class Tangents {
 
  private:
   // What slides: x on its surface, and S with h_x S = -h_theta.
-  void keep_on(const JumpGradient<M, P>& h, const Pivot<M, P>& pivot) {
-    pivot.settle(f_, h, x);
-    for_each_index(f_.parameters, [&](auto j) {
-      P* const column = &s[f_.dependence.column_start[j]];
-      const auto rows = f_.dependence.rows(j);
-      pivot.close(
-          h.by_state, h.by_theta[j], [&](auto&& use) { for_each_variable(rows, use); },
-          [&](auto i) -> P& { return column[detail::below(rows, i)]; });
-    });
-  }
+  void keep_on(const JumpGradient<M, P>& h, const Pivot<M, P>& pivot);
 
   Mask meets(auto m, const Side& before, const Side& after) const;
   [[gnu::noinline]] Mask pass_several(const Mask& lanes, const Side& before, const Side& after);
@@ -271,11 +255,7 @@ class Tangents {
     if (any_several() && several_stages_.empty()) several_stages_.resize(stages() + DenseOutput::more);
   }
 
-  [[gnu::noinline]] void keep_on_slides(const P& step, const Side& side) {
-    const Mask moving = step > P(0.0);
-    keep_on(slid_surface(f_, x, side), sliding_[stages() - 1].pivot.within(moving));
-    if (any_several()) several_stages_[stages() - 1].keep_on(f_, several_ & moving, x, s);
-  }
+  [[gnu::noinline]] void keep_on_slides(const P& step, const Side& side);
 
   // On the sides 1 of what is slid on. The same code whether a neighbour slides or not, and so the same bits.
   void linearise_ahead(const State& at, const Side& side, bool slide, State& rate, Jacobian<M, P>& jacobian) const {
@@ -361,39 +341,10 @@ class Tangents {
   }
 
   // The stages of dense output, and what x does in the step; before it moves to the step's end.
-  [[gnu::noinline]] void extend(const P& step, const Side& side, const State* rate) {
-    if (polynomial_.empty()) {
-      for (int e = 0; e < DenseOutput::more; ++e) jacobian_[stages() + e].fit_to(f_.dependence);
-      polynomial_.resize(f_.states + f_.dependence.in_columns);
-      from_.resize(polynomial_.size());
-    }
-    State more[DenseOutput::more], ahead;
-    fit(ahead, f_.states);
-    for (int e = 0; e < DenseOutput::more; ++e) {
-      fit(more[e], f_.states);
-      for (int i = 0; i < f_.states; ++i) ahead[i] = DenseOutput::ahead(e, x[i], of_stages(rate, more, i));
-      linearise(ahead, side, step, more[e], stages() + e);
-    }
-    for (int i = 0; i < f_.states; ++i) keep_polynomial(i, x[i], rate, more, i);
-  }
+  [[gnu::noinline]] void extend(const P& step, const Side& side, const State* rate);
 
   // The same for column k, which has the pattern of column j.
-  [[gnu::noinline]] void extend_column(auto j, int k, const State* rate) {
-    const auto rows = f_.dependence.rows(j);
-    const int start = f_.dependence.column_start[k];
-    State more[DenseOutput::more], ahead;
-    fit(ahead, f_.states);
-    for (int e = 0; e < DenseOutput::more; ++e) {
-      fit(more[e], f_.states);
-      int at = start;
-      for_each_row(j, [&](int i, int) { ahead[i] = DenseOutput::ahead(e, s[at++], of_stages(rate, more, i)); });
-      column_rate(j, k, stages() + e, ahead, more[e]);
-    }
-    for_each_variable(rows, [&](auto i) {
-      const int at = start + detail::below(rows, i);
-      keep_polynomial(f_.states + at, s[at], rate, more, i);
-    });
-  }
+  [[gnu::noinline]] void extend_column(auto j, int k, const State* rate);
 
   static auto of_stages(const State* rate, const State* more, int i) {
     return [=](int s) { return s < DenseOutput::first ? rate[s][i] : more[s - DenseOutput::first][i]; };
@@ -461,25 +412,7 @@ class Tangents {
     if (f_.holds_end > 0 && unforeseen(slide_)) slide_column(rows, column, k, s, rate);
   }
 
-  [[gnu::noinline]] void slide_column(auto rows, const State& column, int k, int s, State& rate) {
-    const SlidingStage<M, P>& stage = sliding_[s];
-    const P of_several = any_several() ? several_stages_[s].correct(f_, rows, column, k, rate) : P(0.0);
-    P sum = stage.drift[k], cancelled(0.0);
-    for_each_variable(rows, [&](auto i) { sum += stage.normal[i] * rate[i] + stage.turn[i] * column[i]; });
-    const P share = -sum * stage.inverse;
-    P rest = stage.drift[k];
-    for_each_variable(rows, [&](auto i) {
-      const P change = stage.d[i] * share;
-      rate[i] += change;
-      rest += stage.turn[i] * column[i];
-      cancelled += square(change * f_.inverse_scale(i));
-    });
-    stage.pivot.close(
-        stage.normal, rest, [&](auto&& use) { for_each_variable(rows, use); }, [&](auto i) -> P& { return rate[i]; });
-    // A column that the surface holds at zero consists of rounding, which is no error.
-    const double part = 1e-14 / tolerance_;
-    squared_column_size_[k] = max(squared_column_size_[k], (part * part) * (cancelled + of_several));
-  }
+  [[gnu::noinline]] void slide_column(auto rows, const State& column, int k, int s, State& rate);
 
   const Equation& f_;
   const Method& method_;
@@ -508,5 +441,7 @@ class Tangents {
 
 }  // namespace fisherpoint
 
+#include "fisherpoint/integration/dense_tangents.hpp"
 #include "fisherpoint/integration/passing.hpp"
 #include "fisherpoint/integration/reset_tangents.hpp"
+#include "fisherpoint/integration/slid_columns.hpp"

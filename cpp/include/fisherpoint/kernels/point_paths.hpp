@@ -15,8 +15,6 @@
 
 namespace fisherpoint {
 
-// Instead of a surface: a limit at which f has a value.
-
 // A run of one step onto a surface where f_x has no bounds, or off it, which S takes in its own way (steep_tangents.hpp).
 enum class Steep : char { no, towards, away };
 // States that are set anew at once, by the numbers of the resets as bits, where jump `surface` is met; by a change of the input
@@ -48,7 +46,7 @@ struct PointPath {
   std::vector<int> starts_on;  // kinks where f_x has no bounds, on which it starts
   bool starts_at_limit = false;
   double fineness = 1.0;  // of the steps beside these
-  // Whether steps are divided where S turns out to need it (stepwise_columns.hpp): how many it has taken, and where it is.
+  // Whether steps are divided only where S needs it (stepwise_columns.hpp); then how many it has taken, and what it is there.
   bool stepwise = false;
   std::size_t taken = 0;
   std::vector<double> halfway;

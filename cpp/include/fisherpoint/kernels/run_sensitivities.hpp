@@ -82,10 +82,12 @@ class RunTeam {
           missed_[i] = !samples_lie_between(shape, paths_[i], at_[i], next_to_jump * tolerance.relative * dt_[i]);
       waiting_.insert(waiting_.end(), begun.begin(), begun.end());
       end_pieces(shape, runs, start, out);  // that have failed
-      in_packs(Workers(1), stepwise_packs(width), width, [&](auto rows) {
-        follow_columns_stepwise<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
-      });
-      end_pieces(shape, runs, start, out);
+      if (goes_stepwise(shape, dependence_of(model))) {
+        in_packs(Workers(1), stepwise_packs(width), width, [&](auto rows) {
+          follow_columns_stepwise<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
+        });
+        end_pieces(shape, runs, start, out);
+      }
       in_packs(Workers(1), full_packs(width), width, [&](auto rows) {
         follow_columns<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
       });
@@ -303,13 +305,14 @@ class RunTeam {
 
   // Those of the other ones that fill packs, by the number of their steps.
   std::vector<std::size_t> full_packs(std::size_t width) {
-    std::stable_sort(waiting_.begin(), waiting_.end(), [&](auto a, auto b) { return paths_[a].size() < paths_[b].size(); });
-    std::vector<std::size_t> whole, filling;
-    std::copy_if(waiting_.begin(), waiting_.end(), std::back_inserter(whole), [&](auto i) { return !paths_[i].stepwise; });
+    const auto last = std::partition(waiting_.begin(), waiting_.end(), [&](auto i) { return !paths_[i].stepwise; });
+    const std::span whole(waiting_.begin(), last);
+    std::stable_sort(whole.begin(), whole.end(), [&](auto a, auto b) { return paths_[a].size() < paths_[b].size(); });
+    std::vector<std::size_t> filling;
     std::span<const std::size_t> fullest;
     double most = 0.0;
     for (std::size_t first = 0; first < whole.size(); first += width) {
-      const std::span pack(whole.data() + first, std::min(width, whole.size() - first));
+      const auto pack = whole.subspan(first, std::min(width, whole.size() - first));
       std::size_t steps = 0;
       bool long_enough = false;
       for (const std::size_t i : pack) {

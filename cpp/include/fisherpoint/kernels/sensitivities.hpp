@@ -90,6 +90,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     });
   }
   if (goes_on) hold_conditions<P>(integrator.held(), pack.used, [&](int lane) { return carried->ends[rows[lane]]; });
+  const bool by_rows = !carried && !out.dx_dtheta && takes_rows(model);
   Samples<P> samples;  // so that steps are as fine as these need
   bool sampled = false;
   for (int lane = 0; carried && carried->samples && lane < pack.used; ++lane) {
@@ -151,8 +152,8 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
     const bool steep = equation.dependence.any_steep() || taken.starts_steep();
     if (shape.holds_end > shape.jumps_end) taken = held_at_once(shape, taken);
     const bool inside = carried && carried->samples && carried->samples->inside(k) > 0;
-    const bool by_rows = !carried && !out.dx_dtheta && takes_rows(model);
-    if (!by_rows && is_stepwise<M>(shape, equation.dependence, taken, steep, inside, carried && carried->moved.each > 0)) {
+    const bool moved = carried && carried->moved.each > 0;
+    if (goes_stepwise(shape, equation.dependence) && !by_rows && !steep && !inside && !moved && !is_stiff(taken)) {
       paths[k] = taken;
       paths[k].stepwise = true;
       continue;

@@ -1,7 +1,7 @@
-// S of large models, step by step. A step takes far longer there than to look at its error: a path begins with the steps of the
-// states, and a step that is too coarse for S is taken back, and taken again in parts. Steps of the whole path that are as fine
-// as the coarsest one must be were three times as many. Lanes go along their paths on their own: where too many have come to
-// the end, the others go on in another pack, so that packs stay full. No result depends on what shares its pack.
+// S of large models, step by step: a path begins with the steps of the states, and a step that is too coarse for S is taken
+// back, and taken again in parts. A step takes far longer there than to look at its error, and a path that is as fine
+// everywhere as its coarsest step has to be would have three times as many. Each lane goes along its own path. Where too many
+// have come to the end, the others go on in another pack, so that packs stay full. No result depends on what shares its pack.
 #pragma once
 
 #include <algorithm>
@@ -20,12 +20,9 @@ namespace fisherpoint {
 // From so many entries of S on.
 inline constexpr int many_entries = 400;
 
-// Whether a path is followed so: in explicit steps, without jumps and without samples inside.
-template <class M>
-bool is_stepwise(const auto& shape, const auto& dependence, const PointPath<M>& path, bool steep, bool samples_inside,
-                 bool moved) {
-  return dependence.in_columns >= many_entries && shape.holds_end == 0 && !steep && !samples_inside && !moved &&
-         !is_stiff(path);
+// Whether paths are followed so: of large models without jumps.
+constexpr bool goes_stepwise(const auto& shape, const auto& dependence) {
+  return dependence.in_columns >= many_entries && shape.holds_end == 0;
 }
 
 // Of the lanes of a pack, so many are on their way, or it ends.
