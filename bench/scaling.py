@@ -35,7 +35,7 @@ STATES = (6, 12, 24, 50, 100, 200)
 COUNTS = (1, 2, 5, 10, 20, 40)
 
 CHAIN = 40
-"""States of the chain of masses of which parameters and outputs are varied."""
+"""States of the chain of masses whose parameters and outputs are varied."""
 
 
 @dataclass(frozen=True)

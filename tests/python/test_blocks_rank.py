@@ -198,7 +198,7 @@ def test_lengths_of_legs_give_the_pose_and_part_the_legs() -> None:
 
 
 def test_sums_of_measured_flows_part_tanks() -> None:
-    """Flows out of two tanks, of which sums are measured beside the levels, and a level that shows in their sum alone."""
+    """Flows out of two tanks, whose sums are measured beside the levels, and a level that shows in their sum alone."""
     f = ["u - k*sqrt(a) - m*a", "k*sqrt(a) - n*sqrt(b)"]
     states, parameters = {"a": "1", "b": "1"}, dict.fromkeys(["k", "m", "n"], "1")
 

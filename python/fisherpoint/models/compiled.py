@@ -83,7 +83,7 @@ class CompiledCore(NamedTuple):
 
 
 class _Form(NamedTuple):
-    """What is built: files, of which those in C++ are compiled in this order; flags; what loads it, and its only entry."""
+    """What is built: files, those in C++ in the order in which they are compiled; flags; what loads it, and its only entry."""
 
     sources: dict[str, str]
     flags: tuple[str, ...]

@@ -50,7 +50,7 @@ class _Function:
 
 
 def straight_sources(programs: Programs, parameters: int, inputs: int, states: int, sides: int) -> dict[str, str]:
-    """Return C++ files by name, of which each is compiled alone, of all programs of a model with as many leaves."""
+    """Return C++ files by name, each to be compiled alone, of all programs of a model with as many leaves."""
     areas = dict(zip(AREAS, (parameters, inputs, states, sides, states), strict=True))
     literals: dict[str, int] = {}
     made = [_Straight(name, getattr(programs, name), areas, literals) for name in _PROGRAMS]

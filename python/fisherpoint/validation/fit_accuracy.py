@@ -1,4 +1,4 @@
-"""How accurate the fits of virtual experiments are: as those of `estimate`, but for large models, of which each takes seconds."""
+"""The accuracy of fits to virtual data: that of `estimate`, and less for large models, where a fit takes seconds."""
 
 from __future__ import annotations
 
@@ -8,11 +8,19 @@ from ..estimation.least_squares import TOLERANCE
 from ..models import Model
 
 LARGE = 400
-"""Derivatives of states by parameters, from which on a model is large."""
+"""Derivatives of states by parameters from which on a model is large, as in the engine (stepwise_columns.hpp)."""
 
 
 class FitAccuracy(NamedTuple):
-    """Tolerance of the trajectories, and distance to the minimum, in standard errors, from which on a fit is solved."""
+    """How accurate fits are.
+
+    Attributes
+    ----------
+    rtol : float
+        Tolerance of the trajectories.
+    solved : float
+        Distance to the minimum, in standard errors, from which on a fit counts as solved.
+    """
 
     rtol: float
     solved: float
