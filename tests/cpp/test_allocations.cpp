@@ -128,7 +128,7 @@ TEST_CASE("rows go back without taking memory, from the second pack on") {
     rows.push_back(adjoints.row());
     adjoints.back(rows);
   };
-  CHECK(taken_by(there_and_back) > 5);
+  CHECK(taken_by(there_and_back) < 50);  // none where an earlier work of the thread has left some
   CHECK(taken_by(there_and_back) == 0);
 }
 
@@ -151,10 +151,10 @@ TEST_CASE("more nodes of a prior take no more memory") {
   };
   const long few = over(512);
   CHECK(few < 20);
-  CHECK(over(8192) == few);
+  CHECK(over(8192) <= few);  // what the first work has taken is kept
   CHECK(redone == 0);
   point.plan.reset();
-  CHECK(over(1024) == few);
+  CHECK(over(1024) <= few);
   CHECK(redone == 1024);
 }
 

@@ -3,6 +3,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <thread>
 #include <vector>
 
 #include "fisherpoint/kernels/workers.hpp"
@@ -27,18 +28,46 @@ TEST_CASE("what is dropped is given out again, while its thread works") {
   Shelves::drop(other, 1000);
 }
 
-TEST_CASE("of large blocks one is kept, for what is no larger") {
+TEST_CASE("large blocks are given out again for what is not much smaller") {
   constexpr std::size_t large = 300'000;
   const Shelves shelves;
   void* const block = Shelves::take(large);
   void* const other = Shelves::take(large);
   Shelves::drop(block, large);
-  Shelves::drop(other, large);  // goes back to the system
+  Shelves::drop(other, large);
   void* const larger = Shelves::take(2 * large);
   CHECK(larger != block);
-  CHECK(Shelves::take(large / 2) == block);
-  Shelves::drop(block, large / 2);
+  CHECK(larger != other);
+  CHECK(Shelves::take(large - 1000) == other);
+  CHECK(Shelves::take(large) == block);
+  Shelves::drop(block, large);
+  Shelves::drop(other, large - 1000);
   Shelves::drop(larger, 2 * large);
+}
+
+TEST_CASE("a thread keeps what is small from one work to the next") {
+  void *small, *large;
+  {
+    const Shelves shelves;
+    small = Shelves::take(5000);
+    large = Shelves::take(10 << 20);
+    Shelves::drop(small, 5000);
+    Shelves::drop(large, 10 << 20);
+  }
+  void* const between = Shelves::take(5000);
+  CHECK(between != small);  // nobody works
+  {
+    const Shelves shelves;
+    CHECK(Shelves::take(5000) == small);
+    Shelves::drop(small, 5000);
+    std::thread([&] {
+      const Shelves of_another;
+      void* const block = Shelves::take(5000);
+      CHECK(block != small);
+      Shelves::drop(block, 5000);
+    }).join();
+  }
+  Shelves::drop(between, 5000);
 }
 
 TEST_CASE("arrays outlive the shelves that they came from, and may be dropped by another thread") {
