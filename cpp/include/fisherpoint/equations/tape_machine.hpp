@@ -1,6 +1,8 @@
 // Carries out the lists of operations of a tape (tape.hpp).
 #pragma once
 
+#include <type_traits>
+
 #include "fisherpoint/models/tape.hpp"
 #include "fisherpoint/numbers/functions.hpp"
 
@@ -13,9 +15,12 @@ class Machine {
  public:
   using Array = HeapArray<P>;
 
-  // `theta` and `u` must outlive the machine.
-  Machine(const Program& program, const Shape<TapeModel>& shape, const Array& theta, const Array& u)
+  // `theta` and `u` must outlive the machine. After the first run, which gives all lanes values, it computes so many parts of
+  // the packs; the others keep theirs.
+  Machine(const Program& program, const Shape<TapeModel>& shape, const Array& theta, const Array& u,
+          int parts = parts_of<P>::count)
       : program_(program),
+        parts_(parts),
         straight_(fits(program.straight) ? program.straight : nullptr),
         own_(straight_ ? straight_->packs : program.registers - theta.size() - u.size()),
         at_(straight_ ? 0 : program.registers) {
@@ -32,7 +37,7 @@ class Machine {
     side_ = x_ + shape.states;
     dx_ = side_ + shape.kinks_end;
     for (next = dx_ + shape.states; next != at_.end();) *next++ = own++;
-    carry_out(program.setup, at_.data());
+    carry_out_as<P>(program.setup, at_.data());
   }
 
   void run(const Array& x) {
@@ -42,7 +47,8 @@ class Machine {
       return;
     }
     refer(x_, x);
-    carry_out(program_.stage, at_.data());
+    carry_out(program_.stage, at_.data(), begun_ ? parts_ : parts_of<P>::count);
+    begun_ = true;
   }
   void run(const Array& x, const Array& side) {
     leaves_.side = numbers_of(side);
@@ -64,92 +70,121 @@ class Machine {
   const P& output(int i) const { return straight_ ? own_[i] : *at_[program_.outputs[i]]; }
 
  private:
-  [[gnu::noinline]] static void carry_out(const std::vector<Instruction>& instructions, const P* const* at) {
+  static void carry_out(const std::vector<Instruction>& instructions, const P* const* at, int parts) {
+    if constexpr (parts_of<P>::count >= 4) {
+      if (parts == 1) return carry_out_as<typename parts_of<P>::part>(instructions, at);
+    }
+    carry_out_as<P>(instructions, at);
+  }
+  // A register's first lanes, as many as Q has.
+  template <class Q>
+  static decltype(auto) read(const P& from) {
+    if constexpr (std::is_same_v<P, Q>)
+      return (from);
+    else
+      return parts_of<P>::get(from, 0);
+  }
+  template <class Q>
+  static void write(P& to, const Q& value) {
+    if constexpr (std::is_same_v<P, Q>)
+      to = value;
+    else
+      parts_of<P>::set(to, 0, value);
+  }
+  // On the first lanes of the registers. Operations of one kind follow each other (schedule.py), and are decoded together.
+  template <class Q>
+  [[gnu::noinline]] static void carry_out_as(const std::vector<Instruction>& instructions, const P* const* at) {
     using O = Operation;
-    for (const auto& [operation, out, first, second, third] : instructions) {
-      const P &a = *at[first], &b = *at[second], &c = *at[third];
-      P& result = const_cast<P&>(*at[out]);  // of what is computed, which is our own
+    const Instruction *next = instructions.data(), *const end = next + instructions.size();
+    while (next != end) {
+      const O operation = next->operation;
+      const auto all = [&](auto&& of) {
+        do {
+          const auto &a = read<Q>(*at[next->a]), &b = read<Q>(*at[next->b]), &c = read<Q>(*at[next->c]);
+          write<Q>(const_cast<P&>(*at[next->out]), of(a, b, c));  // what is computed is our own
+        } while (++next != end && next->operation == operation);
+      };
       switch (operation) {
         case O::add:
-          result = a + b;
+          all([](const Q& a, const Q& b, const Q&) { return a + b; });
           break;
         case O::sub:
-          result = a - b;
+          all([](const Q& a, const Q& b, const Q&) { return a - b; });
           break;
         case O::mul:
-          result = a * b;
+          all([](const Q& a, const Q& b, const Q&) { return a * b; });
           break;
         case O::div:
-          result = a / b;
+          all([](const Q& a, const Q& b, const Q&) { return a / b; });
           break;
         case O::neg:
-          result = -a;
+          all([](const Q& a, const Q&, const Q&) { return -a; });
           break;
         case O::mul_add:
-          result = fused(a, b, c);
+          all([](const Q& a, const Q& b, const Q& c) { return fused(a, b, c); });
           break;
         case O::mul_sub:
-          result = fused(a, b, -c);
+          all([](const Q& a, const Q& b, const Q& c) { return fused(a, b, -c); });
           break;
         case O::sub_mul:
-          result = fused(-a, b, c);
+          all([](const Q& a, const Q& b, const Q& c) { return fused(-a, b, c); });
           break;
         case O::sqrt:
-          result = sqrt(a);
+          all([](const Q& a, const Q&, const Q&) { return sqrt(a); });
           break;
         case O::exp:
-          result = exp(a);
+          all([](const Q& a, const Q&, const Q&) { return exp(a); });
           break;
         case O::log:
-          result = log(a);
+          all([](const Q& a, const Q&, const Q&) { return log(a); });
           break;
         case O::sin:
-          result = sin(a);
+          all([](const Q& a, const Q&, const Q&) { return sin(a); });
           break;
         case O::cos:
-          result = cos(a);
+          all([](const Q& a, const Q&, const Q&) { return cos(a); });
           break;
         case O::tan:
-          result = tan(a);
+          all([](const Q& a, const Q&, const Q&) { return tan(a); });
           break;
         case O::asin:
-          result = asin(a);
+          all([](const Q& a, const Q&, const Q&) { return asin(a); });
           break;
         case O::acos:
-          result = acos(a);
+          all([](const Q& a, const Q&, const Q&) { return acos(a); });
           break;
         case O::atan:
-          result = atan(a);
+          all([](const Q& a, const Q&, const Q&) { return atan(a); });
           break;
         case O::sinh:
-          result = sinh(a);
+          all([](const Q& a, const Q&, const Q&) { return sinh(a); });
           break;
         case O::cosh:
-          result = cosh(a);
+          all([](const Q& a, const Q&, const Q&) { return cosh(a); });
           break;
         case O::tanh:
-          result = tanh(a);
+          all([](const Q& a, const Q&, const Q&) { return tanh(a); });
           break;
         case O::pow:
-          result = power(a, b);
+          all([](const Q& a, const Q& b, const Q&) { return power(a, b); });
           break;
         case O::abs:
-          result = abs(a);
+          all([](const Q& a, const Q&, const Q&) { return abs(a); });
           break;
         case O::sign:
-          result = sign(a);
+          all([](const Q& a, const Q&, const Q&) { return sign(a); });
           break;
         case O::min:
-          result = min(a, b);
+          all([](const Q& a, const Q& b, const Q&) { return min(a, b); });
           break;
         case O::max:
-          result = max(a, b);
+          all([](const Q& a, const Q& b, const Q&) { return max(a, b); });
           break;
         case O::select:
-          result = select(a > P(0.0), b, c);
+          all([](const Q& a, const Q& b, const Q& c) { return select(a > Q(0.0), b, c); });
           break;
         case O::count:
-          break;
+          return;
       }
     }
   }
@@ -167,6 +202,8 @@ class Machine {
   }
 
   const Program& program_;
+  int parts_;
+  bool begun_ = false;
   const FisherpointProgram* straight_;  // its functions, which do the work if there are any
   FisherpointLeaves leaves_{};
   Array own_;                    // literals and what is computed

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Sequence
-from heapq import heappop, heappush
 
 import numpy as np
 
@@ -30,10 +29,7 @@ def schedule(graph: Graph, results: Sequence[int]) -> Program:
 
     hoisted = {operand for step in stage.values() for operand in step.operands} | set(results)
     setup_rows, setup_end = _allocate(setup, hoisted, registers, first)
-    stage_rows, end, registers = min(
-        (_stage(order, results, registers, setup_end) for order in (stage, _by_pressure(stage, set(results)))),
-        key=lambda found: found[1],
-    )
+    stage_rows, end = _allocate(_by_kind(stage), set(results), registers, setup_end)
     return Program(
         literals=np.array([graph.values[node] for node in literals], dtype=np.float64),
         setup=_array(setup_rows),
@@ -41,11 +37,6 @@ def schedule(graph: Graph, results: Sequence[int]) -> Program:
         outputs=np.array([registers[node] for node in results], dtype=np.int32),
         registers=end,
     )
-
-
-def _stage(steps: Steps, results: Sequence[int], registers: Registers, first: int) -> tuple[Rows, int, Registers]:
-    registers = dict(registers)
-    return *_allocate(steps, set(results), registers, first), registers
 
 
 def _allocate(steps: Steps, kept: Iterable[int], registers: Registers, first: int) -> tuple[Rows, int]:
@@ -67,38 +58,28 @@ def _allocate(steps: Steps, kept: Iterable[int], registers: Registers, first: in
     return rows, end
 
 
-def _by_pressure(steps: Steps, kept: set[int]) -> Steps:
-    """The steps in another order: next is always one that frees the most registers, of these the first in the given order."""
-    operands = {node: {operand for operand in step.operands if operand in steps} for node, step in steps.items()}
+def _by_kind(steps: Steps) -> Steps:
+    """The steps in another order: as many of one kind as can be follow each other, so that few kinds have to be decoded."""
+    missing = {node: 0 for node in steps}
     users: dict[int, list[int]] = {node: [] for node in steps}
-    for node, read in operands.items():
-        for operand in read:
+    for node, step in steps.items():
+        for operand in set(step.operands) & steps.keys():
             users[operand].append(node)
-    uses = {node: len(users[node]) + (node in kept) for node in steps}
-    missing = {node: len(read) for node, read in operands.items()}
-    place = {node: i for i, node in enumerate(steps)}
-    ready: list[tuple[int, int, int]] = []
-
-    def offer(node: int) -> None:  # anew when it frees more; the older offer is passed over
-        if not missing[node] and node not in ordered:
-            heappush(ready, (-sum(uses[operand] == 1 for operand in operands[node]), place[node], node))
-
+            missing[node] += 1
+    ready: dict[str, deque[int]] = {step.name: deque() for step in steps.values()}
+    for node, step in steps.items():
+        if not missing[node]:
+            ready[step.name].append(node)
     ordered: Steps = {}
-    for node in steps:
-        offer(node)
-    while ready:
-        *_, node = heappop(ready)
-        if node in ordered:
-            continue
-        ordered[node] = steps[node]
-        for user in users[node]:
-            missing[user] -= 1
-            offer(user)
-        for operand in operands[node]:
-            uses[operand] -= 1
-            if uses[operand] == 1:
-                for user in users[operand]:
-                    offer(user)
+    while len(ordered) < len(steps):
+        kind = max(ready, key=lambda name: len(ready[name]))
+        while ready[kind]:
+            node = ready[kind].popleft()
+            ordered[node] = steps[node]
+            for user in users[node]:
+                missing[user] -= 1
+                if not missing[user]:
+                    ready[steps[user].name].append(user)
     return ordered
 
 
