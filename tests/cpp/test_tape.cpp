@@ -215,3 +215,24 @@ TEST_CASE("lists that would read or write what they must not are refused") {
   CHECK_THROWS_AS(model({{}, {}, {{O::count, 3, 0, 1, 0}}, {3}, 4}), std::invalid_argument);
   CHECK_THROWS_AS(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3, 3}, 4}), std::invalid_argument);
 }
+
+TEST_CASE("a machine of which the first part is in use gives it the same bits, and leaves the others as they were at first") {
+  const TapeModel model = ball(Kind::kink, 0.4);
+  HeapArray<Wide> theta(2), u(1), x(2), side(1);
+  const auto vary = [](HeapArray<Wide>& values, double from) {
+    for (Wide& value : values)
+      for (int lane = 0; lane < Wide::width; ++lane) value.set(lane, from += 0.37);
+  };
+  vary(theta, 0.1), vary(u, -1.0), vary(x, -2.0);
+  side.fill(Wide(1.0));
+  Machine<Wide> all(model.programs().rate_jacobian, model.shape(), theta, u);
+  Machine<Wide> first(model.programs().rate_jacobian, model.shape(), theta, u, 1);
+  all.run(x, side), first.run(x, side);
+  std::vector<Wide> before;
+  for (int i = 0; i < 6; ++i) before.push_back(first.output(i));
+  vary(x, 1.0);
+  all.run(x, side), first.run(x, side);
+  for (const int i : {1, 3, 5})  // what is computed; the others are leaves
+    for (int lane = 0; lane < Wide::width; ++lane)
+      CHECK(first.output(i)[lane] == (lane < native_lanes ? all.output(i)[lane] : before[i][lane]));
+}

@@ -100,3 +100,22 @@ def test_a_pole_is_met_with_a_status() -> None:
     found = fp.sensitivities(model, fp.Runs(starts, np.full_like(inputs, 30.0), 0.5), theta)
     assert (found.status != 0).any()
     assert np.isfinite(found.dy_dtheta).all()
+
+
+def test_a_stiff_chain_alone_has_the_bits_that_it_has_among_others() -> None:
+    """Where few lanes of a pack are in use, the others are left out."""
+    n = 20
+    rates = [f"D*{n**2}*(({f'c{i - 1} - c{i}' if i else '0'}) + ({f'c{i + 1} - c{i}' if i < n - 1 else '0'}))" for i in range(n)]
+    rates[-1] += f" - {n}*k*sinh(c{n - 1} - 0.5)"
+    states = {f"c{i}": ("1", 1.0) for i in range(n)}
+    model = fp.SymbolicModel(rates, ["c0", f"c{n - 1}"], states, {}, {"D": "1", "k": "1"}, check_units=False)
+    rng = np.random.default_rng(4)
+    for count in (1, 2, 4, 5, 17, 33):
+        points = fp.Experiments(rng.choice([0.0, 1.0, 0.7], (count, n)), np.zeros((count, 0)), rng.choice([0.01, 0.1], count))
+        together, states_alone = (of(model, points, [1.0, 0.7]) for of in (fp.sensitivities, fp.simulate))
+        assert not together.status.any()
+        for k in {0, count // 2, count - 1}:
+            alone = fp.Experiments(points.x0[k : k + 1], points.u[k : k + 1], points.dt[k : k + 1])
+            found = fp.sensitivities(model, alone, [1.0, 0.7])
+            assert np.array_equal(found.dx_dtheta[0], together.dx_dtheta[k])
+            assert np.array_equal(fp.simulate(model, alone, [1.0, 0.7]).x[0], states_alone.x[k])

@@ -23,8 +23,11 @@ class StateEquation : public Shape<M> {
 
   static constexpr Dependence<M> dependence{};
 
-  StateEquation(const M& model, const Theta& theta, const Input& u)
+  StateEquation(const M& model, const Theta& theta, const Input& u, int = 0)
       : model_(model), theta_(theta), u_(u), dynamics_(model.dynamics(theta_)) {}
+
+  // In how many parts of packs lanes are in use.
+  static constexpr int parts() { return parts_of<P>::count; }
 
   void derivative(const State& x, const Side& side, State& dx) const { dx = to_array<P>(dynamics_(x, u_, side)); }
   // Entries of f_x that may differ from zero: all, row by row.

@@ -33,23 +33,26 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   static constexpr bool with_resets = true;
 
-  // `model` must outlive the equation, whose machines refer to what it holds.
+  // `model` must outlive the equation, whose machines refer to what it holds. Where only the first `used` lanes are in use, the
+  // others keep what they have at first.
   StateEquation(const StateEquation&) = delete;
-  StateEquation(const TapeModel& model, const Theta& theta, const Input& u)
+  StateEquation(const TapeModel& model, const Theta& theta, const Input& u, int used = lanes_of<P>::width)
       : Shape<TapeModel>(model.shape()),
         dependence(model.dependence()),
         model_(model),
         theta_(theta),
         u_(u),
+        parts_(parts_for<P>(used)),
         no_sides_(model.shape().sided_limits ? model.shape().sides : 0),
-        rates_(model.programs().rates, model.shape(), theta_, u_),
-        output_(model.programs().output, model.shape(), theta_, u_),
-        surfaces_(model.programs().surfaces, model.shape(), theta_, u_),
-        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_) {
+        rates_(model.programs().rates, model.shape(), theta_, u_, parts_),
+        output_(model.programs().output, model.shape(), theta_, u_, parts_),
+        surfaces_(model.programs().surfaces, model.shape(), theta_, u_, parts_),
+        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_, parts_) {
     no_sides_.fill(P(0.0));
   }
 
   const Dependence<TapeModel>& dependence;
+  int parts() const { return parts_; }
 
   void derivative(const State& x, const Side& side, State& dx) const {
     rates_.run(x, side);
@@ -60,7 +63,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   const EliminationOrder* order() const { return model_.order(); }
   const EliminationOrder* stages_order() const { return model_.stages_order(); }
   void jacobian(const State& x, const Side& side, P* entries) const {
-    if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_);
+    if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_, parts_);
     slopes_->run(x, side);
     for (int e = 0; e < slopes(); ++e) entries[e] = slopes_->output(e);
   }
@@ -71,7 +74,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   // Which conditions of resets hold on these sides: positive where they do.
   State reset_conditions(const State& x, const Side& side) const {
-    if (!resets_) resets_.emplace(model_.resets().program, *this, theta_, u_);
+    if (!resets_) resets_.emplace(model_.resets().program, *this, theta_, u_, parts_);
     resets_->run(x, side);
     return outputs_of(*resets_, resets);
   }
@@ -88,7 +91,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   // The states behind the updates that `which` numbers.
   State update(const State& x, const P& which) const {
-    if (!updates_) updates_.emplace(model_.updates().program, *this, theta_, u_);
+    if (!updates_) updates_.emplace(model_.updates().program, *this, theta_, u_, parts_);
     updates_->run(x);
     State after = x;
     int at = 0;
@@ -134,6 +137,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   const TapeModel& model_;
   Theta theta_;
   Input u_;
+  int parts_;  // of packs, in which lanes are in use
   Side no_sides_;
   mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
   mutable std::optional<Machine<P>> slopes_, resets_, updates_;
@@ -153,15 +157,16 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
 
   // `model` must outlive the equation, whose machines refer to what it holds.
   VariationalEquation(const VariationalEquation&) = delete;
-  VariationalEquation(const TapeModel& model, const Theta& theta, const Input& u)
+  VariationalEquation(const TapeModel& model, const Theta& theta, const Input& u, int used = lanes_of<P>::width)
       : Shape<TapeModel>(model.shape()),
         dependence(model.dependence()),
         model_(model),
         theta_(theta),
         u_(u),
-        rates_(model.programs().rate_jacobian, model.shape(), theta_, u_),
-        output_(model.programs().output_jacobian, model.shape(), theta_, u_),
-        jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_) {}
+        parts_(parts_for<P>(used)),
+        rates_(model.programs().rate_jacobian, model.shape(), theta_, u_, parts_),
+        output_(model.programs().output_jacobian, model.shape(), theta_, u_, parts_),
+        jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_, parts_) {}
 
   // x and S behind the resets that `which` numbers.
   void reset(const P& which, State& x, Columns<TapeModel, P>& s) const { set_anew(resets_, model_.resets(), which, x, s); }
@@ -169,6 +174,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   void update(const P& which, State& x, Columns<TapeModel, P>& s) const { set_anew(updates_, model_.updates(), which, x, s); }
 
   const Dependence<TapeModel>& dependence;
+  int parts() const { return parts_; }
 
   double inverse_scale(int i) const { return model_.inverse_scale(i); }
   const Theta& theta() const { return theta_; }
@@ -227,7 +233,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
  private:
   void set_anew(std::optional<Machine<P>>& machine, const auto& given, const P& which, State& x,
                 Columns<TapeModel, P>& s) const {
-    if (!machine) machine.emplace(given.jacobian, *this, theta_, u_);
+    if (!machine) machine.emplace(given.jacobian, *this, theta_, u_, parts_);
     // What the machine gives may be a state itself, which is about to change.
     const State at_event = x;
     machine->run(at_event);
@@ -261,6 +267,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   const TapeModel& model_;
   Theta theta_;
   Input u_;
+  int parts_;  // of packs, in which lanes are in use
   mutable Machine<P> rates_, output_, jumps_;
   mutable std::optional<Machine<P>> resets_, updates_;
 };

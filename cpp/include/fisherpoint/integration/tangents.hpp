@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
+#include <type_traits>
 
 #include "fisherpoint/equations/variational_equation.hpp"
+#include "fisherpoint/integration/column_parts.hpp"
 #include "fisherpoint/integration/dense_output.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
 #include "fisherpoint/integration/sliding_tangents.hpp"
@@ -137,10 +140,12 @@ class Tangents {
     beside_ = beside;
     dense_ = dense;
     see_slides(side);
+    const bool in_parts = has_parts && f_.holds_end == 0 && !dense;
     State rate[Method::most_stages], ahead;
     fit_all(rate, ahead);
     for_each_index(stages(), [&](auto s) {
       for_each_index(f_.states, [&](auto i) { ahead[i] = weighted_sum(s, x[i], method_.a[s], rate, i); });
+      if (in_parts) return linearise_parts(ahead, side, step, rate[s], s);
       linearise(ahead, side, step, rate[s], s);
     });
     if constexpr (may_be_dense)
@@ -149,6 +154,7 @@ class Tangents {
     for_each_index(f_.states, [&](auto i) { estimate.add(finish(x[i], rate, i), f_.inverse_scale(i)); });
     squared_error_ += squared(estimate);
     if (step_by_step_) begin_step_error(estimate);
+    if (in_parts) return advance_parts();
     for_each_index(f_.parameters, [&](auto j) {
       if (f_.dependence.leader(j) != j) return;
       for (int k = j; k < f_.parameters; k = f_.dependence.next_alike(k)) advance_column(j, k);
@@ -304,6 +310,43 @@ class Tangents {
     return judged(method_, estimate.error, estimate.coarse, beside_);
   }
 
+  // Of models that are lists of operations, without anything to slide on: column_parts.hpp.
+  static constexpr bool has_parts = !Shape<M>::unrolled && lanes_of<P>::width > 1;
+  [[gnu::noinline]] void linearise_parts(const State& at, const Side& side, const P& step, State& rate, int s) {
+    if constexpr (has_parts) {
+      if (!parts_)
+        parts_.emplace(method_, f_.dependence.by_state, f_.dependence.by_theta, f_.parameters, f_.parts() == 1 ? 1 : P::parts);
+      const bool may_be_still = f_.dependence.any_closed();
+      const Mask still = !(abs(step) > P(0.0));
+      const auto stage = parts_->stage(s);
+      const auto in_parts = [&](auto parts) {
+        f_.linearise(at, side, rate, [&](int e, const P& slope) {
+          P change = slope * step;
+          if (may_be_still) change = select(still, P(0.0), change);
+          for_each_index(parts, [&](int part) { stage.at(part, e) = change.part[part]; });
+        });
+      };
+      parts_->parts() == P::parts ? in_parts(Count<P::parts>{}) : in_parts(Count<1>{});
+      for (P& entry : rate) entry *= step;
+    }
+  }
+  [[gnu::noinline]] void advance_parts() {
+    if constexpr (has_parts) {
+      parts_->advance(f_.dependence.patterns, s.data(), f_.dependence.column_start, [&](int i) { return f_.inverse_scale(i); });
+      for (const ColumnPattern& of : f_.dependence.patterns)
+        for (const int k : of.columns) {
+          const auto& sums = parts_->sums(k);
+          add_column_error(k, {sums.error, sums.coarse}, sums.size);
+        }
+    }
+  }
+  void add_column_error(int k, const Estimate& estimate, const P& size) {
+    squared_column_error_[k] += squared(estimate);
+    coarse_fourth_[k] += square(estimate.coarse);
+    squared_column_size_[k] = max(squared_column_size_[k], size);
+    if (step_by_step_) add_step_error(estimate, squared_column_size_[k]);
+  }
+
   // Functions of their own, so that the sums above are contracted as without them.
   [[gnu::noinline]] void begin_step_error(const Estimate& of_x) { squared_step_error_ = squared(of_x); }
   [[gnu::noinline]] void add_step_error(const Estimate& of_column, const P& squared_size) {
@@ -388,10 +431,7 @@ class Tangents {
       estimate.add(finish(entry, rate, i), f_.inverse_scale(i));
       size += square(entry * f_.inverse_scale(i));
     });
-    squared_column_error_[k] += squared(estimate);
-    coarse_fourth_[k] += square(estimate.coarse);
-    squared_column_size_[k] = max(squared_column_size_[k], size);
-    if (step_by_step_) add_step_error(estimate, squared_column_size_[k]);
+    add_column_error(k, estimate, size);
   }
 
   // What the Jacobian of stage s makes of `column`, which is column k and has the pattern of column j. As advance_column has it
@@ -432,6 +472,7 @@ class Tangents {
   bool step_by_step_;
   P squared_step_error_{0.0};
   ShelfVector<P> kept_;
+  std::optional<ColumnParts<P, Method>> parts_;
   Jacobian<M, P> jacobian_[Method::most_in_error + DenseOutput::more];
   // Of the last step, where it was dense: x and then S at its start, and how they go on.
   bool dense_ = false;

@@ -32,7 +32,7 @@ struct Carried {
 template <class M, class P>
 [[gnu::noinline]] mask_of_lanes<P> starts_beside(const M& model, const PointPack<M, P>& pack, const Outcome<P>& outcome,
                                                  std::span<const std::size_t> rows, const Carried* carried) {
-  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u, pack.used);
   const int n_x = equation.states, p = equation.parameters;
   auto beside = lanes_of<P>::none();
   for_each_index(Count<0>{}, equation.jumps_end, [&](auto m) {
@@ -64,7 +64,7 @@ template <class M, class P>
                                                      const std::vector<PointPath<M>>& paths) {
   using Equation = StateEquation<M, P>;
   constexpr double balanced = 1e-9, share = 1e-4;
-  const Equation equation(model, pack.theta, pack.u);
+  const Equation equation(model, pack.theta, pack.u, pack.used);
   typename Equation::Side side;
   typename Equation::State rates;
   fit(side, equation.sides);

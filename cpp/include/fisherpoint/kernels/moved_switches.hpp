@@ -54,7 +54,7 @@ void rates_at_starts(const M& model, const Points& points, const Parameters& par
   using Equation = StateEquation<M, P>;
   const auto shape = shape_of(model);
   const PointPack<M, P> pack(shape, points, parameters, rows);
-  const Equation equation(model, pack.theta, pack.u);
+  const Equation equation(model, pack.theta, pack.u, pack.used);
   Integrator<Equation, Method> integrator(equation, tolerance);
   typename Equation::Side from, met;
   fit(from, shape.sides);

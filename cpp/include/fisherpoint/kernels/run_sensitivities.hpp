@@ -192,7 +192,7 @@ class RunTeam {
         }
       in_packs(Workers(1), updated, lanes_of<P>::width, [&](auto rows) {
         const PointPack<M, P> pack(shape, points, of_pieces, rows);
-        const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+        const VariationalEquation<M, P> equation(model, pack.theta, pack.u, pack.used);
         const auto& dependence = equation.dependence;
         auto x = pack.x0;
         P which(0.0);
@@ -365,8 +365,8 @@ template <class P, class Method, class M>
 void run_sensitivity_packs(const M& model, const Runs& runs, const RunStart& start, const Parameters& parameters,
                            const Tolerance& tolerance, const Workers& workers, const SensitiveRuns& out) {
   constexpr std::size_t width = lanes_of<P>::width, most = 1024;
-  const std::size_t packs = (runs.count + width - 1) / width, threads = static_cast<std::size_t>(workers.threads());
-  const std::size_t together = std::clamp((packs + threads - 1) / threads * width, width, std::max(width, most));
+  const auto threads = static_cast<std::size_t>(workers.threads());
+  const std::size_t together = std::clamp((runs.count + threads - 1) / threads, width, std::max(width, most));
   std::vector<RunTeam<M>> teams;
   for (std::size_t first = 0; first < runs.count; first += together)
     teams.emplace_back(first, std::min(first + together, runs.count));

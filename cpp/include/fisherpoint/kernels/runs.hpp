@@ -128,7 +128,7 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
       several = several || at[lane].size() > 1;
       if (const auto which = runs.updates_of(rows[lane], segment)) lanes_of<P>::set(updates, lane, which), updated = true;
     }
-    const Equation equation(model, theta, u);
+    const Equation equation(model, theta, u, used);
     came = x;
     if constexpr (has_resets<Equation>)
       if (updated) x = equation.update(x, updates);

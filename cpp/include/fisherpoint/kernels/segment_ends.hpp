@@ -218,7 +218,7 @@ template <class P, class Method, class M>
 
   auto met = from;
   for_each_index(shape.sides, [&](auto m) { met[m] = select(abs(other[m] - from[m]) > P(0.5), P(1.0), P(0.0)); });
-  const Equation states(model, pack.theta, pack.u);
+  const Equation states(model, pack.theta, pack.u, pack.used);
   auto stopped = lanes_of<P>::none();
   const auto begins = [&](const auto& sides) {
     const auto first = Integrator<Equation, Method>(states, tolerance).sides_from(pack.x0, pack.dt, sides, met, stopped);
@@ -233,7 +233,7 @@ template <class P, class Method, class M>
     start[m] = select(known, from[m], first[m]);
     other_start[m] = select(known, other[m], first[m]);
   });
-  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u, pack.used);
   Tangents<M, P, Method> as_it_is(equation, pack.x0, tolerance), otherwise = as_it_is;
   for (int lane = 0; lane < pack.used; ++lane) {
     if (!lanes_of<P>::get(doubtful, lane) || end_of(lane).between) continue;

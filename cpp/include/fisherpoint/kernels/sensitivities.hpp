@@ -57,7 +57,7 @@ void find_paths(const M& model, const Points& points, const Parameters& paramete
   PointPath<M> taken;
   taken.sizes.reserve(usual_steps);
   const PointPack<M, P> pack(shape, points, parameters, rows);
-  const Equation equation(model, pack.theta, pack.u);
+  const Equation equation(model, pack.theta, pack.u, pack.used);
   auto x = pack.x0;
   P first = tolerance.whole_first ? pack.dt : P(0.0);
   mask_of_lanes<P> stiff = lanes_of<P>::none();
@@ -201,10 +201,10 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   const auto shape = shape_of(model);
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
   const PointPack<M, P> pack(shape, points, parameters, rows);
-  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u, pack.used);
   auto x0 = pack.x0;
   if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return paths[k].starts_at_limit; }))
-    take_onto_limits(StateEquation<M, P>(model, pack.theta, pack.u), !lanes_of<P>::none(), x0);
+    take_onto_limits(StateEquation<M, P>(model, pack.theta, pack.u, pack.used), !lanes_of<P>::none(), x0);
   Tangents<M, P, Method> tangents(equation, x0, tolerance);
   for (int lane = 0; carried && lane < pack.used; ++lane) tangents.start(lane, carried->s + rows[lane] * n_x * p);
   const MovedStarts moved = carried ? carried->moved : MovedStarts{};
@@ -216,7 +216,7 @@ void follow_columns(const M& model, const Points& points, const Parameters& para
   std::optional<StateEquation<M, P>> states;  // of stiff paths
   std::optional<ImplicitTangents<M, P, Method>> implicit_tangents;
   if (std::any_of(rows.begin(), rows.end(), [&](auto k) { return is_stiff(paths[k]); })) {
-    states.emplace(model, pack.theta, pack.u);
+    states.emplace(model, pack.theta, pack.u, pack.used);
     implicit_tangents.emplace(*states, equation, tangents, tolerance);
   }
   std::optional<SteepTangents<M, P, Method>> steep_tangents;
@@ -322,7 +322,7 @@ void follow_rows(const M& model, const Points& points, const Parameters& paramet
   const auto shape = shape_of(model);
   const std::size_t n_x = shape.states, n_y = shape.outputs, p = shape.parameters;
   const PointPack<M, P> pack(shape, points, parameters, rows);
-  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u, pack.used);
   Adjoints<M, P, Method> adjoints(equation, pack.x0, tolerance);
   for_each_step<P, M>(
       shape, rows, paths, [](const auto&...) {},

@@ -21,7 +21,7 @@ void simulate_packs(const M& model, const Points& points, const Parameters& para
   const auto shape = shape_of(model);
   in_packs(workers, by_duration(points), lanes_of<P>::width, [&](std::span<const std::size_t> rows) {
     const PointPack<M, P> pack(shape, points, parameters, rows);
-    const Equation equation(model, pack.theta, pack.u);
+    const Equation equation(model, pack.theta, pack.u, pack.used);
     auto x = pack.x0;
     const auto outcome = Integrator<Equation, Method>(equation, tolerance).run(x, pack.dt, P(0.0));
     store_ends<P>(x, equation.output(x), outcome.status, rows, out, outside_of_output<P>(equation, x));

@@ -132,7 +132,7 @@ void follow_stepwise(const M& model, const Points& points, const Parameters& par
   const std::size_t n_x = shape.states, p = shape.parameters;
   const int used = static_cast<int>(rows.size());
   const PointPack<M, P> pack(shape, points, parameters, rows);
-  const VariationalEquation<M, P> equation(model, pack.theta, pack.u);
+  const VariationalEquation<M, P> equation(model, pack.theta, pack.u, pack.used);
   Tangents<M, P, Method> tangents(equation, pack.x0, tolerance, true);
   for (int lane = 0; lane < used; ++lane) {
     const PointPath<M>& path = paths[rows[lane]];

@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "fisherpoint/models/column_patterns.hpp"
 #include "fisherpoint/models/dependence.hpp"
 #include "fisherpoint/models/shape.hpp"
 #include "fisherpoint/models/straight_functions.hpp"
@@ -132,6 +133,8 @@ class Dependence<TapeModel> {
     by_state = starts(coupled_, shape.states, state_start);
     by_theta = starts(driven_, shape.parameters, theta_start) + 1;
     in_columns = starts(rows_, shape.parameters, column_start);
+    const auto drive = [&](int j, int i) { return detail::has(driven_[j], i) ? drive_at(j, i) : by_theta - 1; };
+    patterns = column_patterns(rows_, coupled_, shape.parameters, state_start, drive);
     varying_outputs = static_cast<int>(std::count(varying_.outputs.begin(), varying_.outputs.end(), true));
     places_kept_.at.resize(rate_entries.size());
     for (const bool constant_slope : varying_.constant_slopes) places_kept_.add(constant_slope);
@@ -161,6 +164,7 @@ class Dependence<TapeModel> {
   int by_state, by_theta, in_columns, varying_outputs;  // by_theta counts the zero behind the entries too
   int changing, constant;                               // entries of f_x and f_theta along a trajectory
   std::vector<int> state_start, theta_start, column_start;
+  std::vector<ColumnPattern> patterns;
 
  private:
   VariableSets coupled_, driven_, rows_, row_, sensitive_;

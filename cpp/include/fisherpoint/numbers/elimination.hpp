@@ -46,6 +46,40 @@ struct NumberOf<Complex<P>> {
   using type = P;
 };
 
+// a - b c.
+template <class P>
+[[gnu::always_inline]] inline P less_product(const P& a, const P& b, const P& c) {
+  return fused(-b, c, a);
+}
+template <class P>
+[[gnu::always_inline]] inline Complex<P> less_product(const Complex<P>& a, const Complex<P>& b, const Complex<P>& c) {
+  return {fused(-b.re, c.re, fused(b.im, c.im, a.re)), fused(-b.re, c.im, fused(-b.im, c.re, a.im))};
+}
+template <class P>
+[[gnu::always_inline]] inline P product(const P& a, const P& b) {
+  return a * b;
+}
+template <class P>
+[[gnu::always_inline]] inline Complex<P> product(const Complex<P>& a, const Complex<P>& b) {
+  return {fused(a.re, b.re, -(a.im * b.im)), fused(a.re, b.im, a.im * b.re)};
+}
+
+// Of packs, or complex numbers of packs, the first part.
+template <class P>
+struct FirstOf {
+  using type = typename parts_of<P>::part;
+  static type get(const P& a) { return parts_of<P>::get(a, 0); }
+  static void set(P& a, const type& value) { parts_of<P>::set(a, 0, value); }
+};
+template <class P>
+struct FirstOf<Complex<P>> {
+  using type = Complex<typename parts_of<P>::part>;
+  static type get(const Complex<P>& a) { return {parts_of<P>::get(a.re, 0), parts_of<P>::get(a.im, 0)}; }
+  static void set(Complex<P>& a, const type& value) {
+    parts_of<P>::set(a.re, 0, value.re), parts_of<P>::set(a.im, 0, value.im);
+  }
+};
+
 template <class P>
 P magnitude(const P& a) {
   return abs(a);
@@ -61,6 +95,16 @@ P reciprocal(const P& a) {
 template <class P>
 Complex<P> reciprocal(const Complex<P>& a) {
   const P part = 1.0 / (a.re * a.re + a.im * a.im);
+  return {a.re * part, -(a.im * part)};
+}
+// The same, where a product and a sum are to be fused in whatever the call stands.
+template <class P>
+[[gnu::always_inline]] inline P fused_reciprocal(const P& a) {
+  return 1.0 / a;
+}
+template <class P>
+[[gnu::always_inline]] inline Complex<P> fused_reciprocal(const Complex<P>& a) {
+  const P part = 1.0 / fused(a.re, a.re, a.im * a.im);
   return {a.re * part, -(a.im * part)};
 }
 template <class Mask, class P>

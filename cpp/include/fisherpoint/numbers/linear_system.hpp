@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <type_traits>
 
 #include "fisherpoint/numbers/elimination.hpp"
 #include "fisherpoint/numbers/elimination_order.hpp"
@@ -17,12 +18,14 @@ template <class T>
 class LinearSystem {
   using P = typename detail::NumberOf<T>::type;
   using Mask = mask_of_lanes<P>;
+  using First = typename detail::FirstOf<T>::type;  // the first part of such packs
   // Of the numbers that are added up for an entry, against the largest entry of its row: as many digits are lost.
   static constexpr double most_growth = 1e4;
 
  public:
-  // Without an order, of a full matrix (n, n). The order must outlive the system.
-  LinearSystem(int n, const EliminationOrder* order) : n_(n), order_(order) {
+  // Without an order, of a full matrix (n, n). The order must outlive the system. In an order, only the first part of the packs
+  // is solved where no more `parts` are in use.
+  LinearSystem(int n, const EliminationOrder* order, int parts = parts_of<P>::count) : n_(n), parts_(parts), order_(order) {
     if (!order_) {
       full_.emplace(n);
       return;
@@ -30,7 +33,6 @@ class LinearSystem {
     numbers_.resize(order_->numbers);
     given_.resize(order_->numbers);
     at_.resize(n);
-    largest_.resize(n);
   }
 
   void clear() {
@@ -47,9 +49,11 @@ class LinearSystem {
   [[gnu::noinline]] void factorise() {
     if (!order_) return full_->factorise();
     numbers_ = given_;
-    find_largest();
     weak_ = lanes_of<P>::none();
-    for (int k = 0; k < n_; ++k) eliminate(order_->pivots[k]);
+    if (parts_ == 1)
+      eliminate<First>();
+    else
+      eliminate<T>();
     any_weak_ = any(weak_);
     if (any_weak_) fall_back();
   }
@@ -74,53 +78,103 @@ class LinearSystem {
       of_weak_.assign(b, b + n_);
       full_->solve(of_weak_.data());
     }
-    for (int k = 0; k < n_; ++k) at_[k] = b[order_->pivots[k].row];
-    for (int k = 0; k < n_; ++k) {
-      const auto& pivot = order_->pivots[k];
-      const int m = static_cast<int>(pivot.behind.size());
-      const T* const column = &numbers_[pivot.first] + 1 + m;
-      for (int i = 0; i < m; ++i) at_[pivot.behind[i]] = at_[pivot.behind[i]] - column[i] * at_[k];
-    }
-    for (int k = n_; k-- > 0;) {
-      const auto& pivot = order_->pivots[k];
-      const T* const row = &numbers_[pivot.first];
-      T sum = at_[k];
-      for (int i = 0, m = static_cast<int>(pivot.behind.size()); i < m; ++i) sum = sum - row[1 + i] * at_[pivot.behind[i]];
-      at_[k] = sum * row[0];
-    }
-    for (int k = 0; k < n_; ++k) b[order_->pivots[k].row] = at_[k];
+    if (parts_ == 1)
+      solve_as<First>(b);
+    else
+      solve_as<T>(b);
     for (int i = 0; any_weak_ && i < n_; ++i) b[i] = detail::chosen(weak_, of_weak_[i], b[i]);
   }
 
  private:
+  // The first part of a number, or all of it.
+  template <class Q>
+  static decltype(auto) get(const T& from) {
+    if constexpr (std::is_same_v<Q, T>)
+      return (from);
+    else
+      return detail::FirstOf<T>::get(from);
+  }
+  template <class Q>
+  static void set(T& to, const Q& value) {
+    if constexpr (std::is_same_v<Q, T>)
+      to = value;
+    else
+      detail::FirstOf<T>::set(to, value);
+  }
+
+  template <class Q>
+  void solve_as(T* b) const {
+    for (int k = 0; k < n_; ++k) set<Q>(at_[k], get<Q>(b[order_->pivots[k].row]));
+    for (int k = 0; k < n_; ++k) {
+      const auto& pivot = order_->pivots[k];
+      const int m = static_cast<int>(pivot.behind.size());
+      const T* const column = &numbers_[pivot.first] + 1 + m;
+      const auto& known = get<Q>(at_[k]);
+      for (int i = 0; i < m; ++i) {
+        T& other = at_[pivot.behind[i]];
+        set<Q>(other, detail::less_product<typename detail::NumberOf<Q>::type>(get<Q>(other), get<Q>(column[i]), known));
+      }
+    }
+    for (int k = n_; k-- > 0;) {
+      const auto& pivot = order_->pivots[k];
+      const T* const row = &numbers_[pivot.first];
+      Q sum = get<Q>(at_[k]);
+      for (int i = 0, m = static_cast<int>(pivot.behind.size()); i < m; ++i)
+        sum = detail::less_product<typename detail::NumberOf<Q>::type>(sum, get<Q>(row[1 + i]), get<Q>(at_[pivot.behind[i]]));
+      set<Q>(at_[k], detail::product<typename detail::NumberOf<Q>::type>(sum, get<Q>(row[0])));
+    }
+    for (int k = 0; k < n_; ++k) set<Q>(b[order_->pivots[k].row], get<Q>(at_[k]));
+  }
+
+  template <class Q>
+  void eliminate() {
+    using Real = typename detail::NumberOf<Q>::type;
+    ShelfVector<Real> largest(n_);
+    auto weak = lanes_of<Real>::none();
+    find_largest<Q>(largest);
+    for (int k = 0; k < n_; ++k) eliminate<Q>(order_->pivots[k], largest, weak);
+    if constexpr (std::is_same_v<Q, T>)
+      weak_ = weak;
+    else
+      parts_of<P>::set(weak_, 0, weak);
+  }
+
   // The largest entry of every row, by places in the order.
-  void find_largest() {
-    for (int k = 0; k < n_; ++k) largest_[k] = detail::magnitude(given_[order_->pivots[k].first]);
+  template <class Q>
+  void find_largest(auto& largest) const {
+    for (int k = 0; k < n_; ++k) largest[k] = detail::magnitude(get<Q>(given_[order_->pivots[k].first]));
     for (int k = 0; k < n_; ++k) {
       const auto& pivot = order_->pivots[k];
       const int m = static_cast<int>(pivot.behind.size());
       const T* const entry = &given_[pivot.first] + 1;
       for (int i = 0; i < m; ++i) {
-        P& of_other = largest_[pivot.behind[i]];
-        largest_[k] = max(largest_[k], detail::magnitude(entry[i]));
-        of_other = max(of_other, detail::magnitude(entry[m + i]));
+        auto& of_other = largest[pivot.behind[i]];
+        largest[k] = max(largest[k], detail::magnitude(get<Q>(entry[i])));
+        of_other = max(of_other, detail::magnitude(get<Q>(entry[m + i])));
       }
     }
   }
 
-  void eliminate(const EliminationOrder::Pivot& pivot) {
+  template <class Q>
+  void eliminate(const EliminationOrder::Pivot& pivot, const auto& largest, auto& weak) {
+    using Real = typename detail::NumberOf<Q>::type;
     const int m = static_cast<int>(pivot.behind.size());
     T* const diagonal = &numbers_[pivot.first];
     T *const row = diagonal + 1, *const column = row + m;
-    P in_row = detail::magnitude(*diagonal);
-    weak_ = weak_ | ((in_row <= P(0.0)) & (in_row >= P(0.0)));
-    for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(row[i]));
-    const T inverse = *diagonal = detail::reciprocal(*diagonal);
+    Real in_row = detail::magnitude(get<Q>(*diagonal));
+    weak = weak | ((in_row <= Real(0.0)) & (in_row >= Real(0.0)));
+    for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(get<Q>(row[i])));
+    const Q inverse = detail::fused_reciprocal<Real>(get<Q>(*diagonal));
+    set<Q>(*diagonal, inverse);
     const int* target = pivot.targets.data();
     for (int i = 0; i < m; ++i) {
-      const T factor = column[i] = column[i] * inverse;
-      weak_ = weak_ | (detail::magnitude(factor) * in_row > most_growth * largest_[pivot.behind[i]]);
-      for (int k = 0; k < m; ++k, ++target) numbers_[*target] = numbers_[*target] - factor * row[k];
+      const Q factor = detail::product<Real>(get<Q>(column[i]), inverse);
+      set<Q>(column[i], factor);
+      weak = weak | (detail::magnitude(factor) * in_row > most_growth * largest[pivot.behind[i]]);
+      for (int k = 0; k < m; ++k, ++target) {
+        T& entry = numbers_[*target];
+        set<Q>(entry, detail::less_product<Real>(get<Q>(entry), factor, get<Q>(row[k])));
+      }
     }
   }
 
@@ -139,12 +193,11 @@ class LinearSystem {
     full_->factorise();
   }
 
-  int n_;
+  int n_, parts_;
   const EliminationOrder* order_;
   std::optional<Elimination<T>> full_;
   ShelfVector<T> given_, numbers_;  // entries; once factorised L and U, with the reciprocals of U's diagonal
   mutable ShelfVector<T> at_, of_weak_;
-  ShelfVector<P> largest_;
   Mask weak_ = lanes_of<P>::none();
   bool any_weak_ = false;
 };
