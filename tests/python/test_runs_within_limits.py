@@ -13,6 +13,7 @@ import pytest
 import fisherpoint as fp
 from bench.strokes import arm, cart, rests, tanks
 from fisherpoint.basics import work_clock
+from fisherpoint.basics.work_clock import Clock, OutOfTime
 from fisherpoint.design.file.configuration import load_config
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import RETURNING
@@ -140,6 +141,31 @@ def test_everything_looks_at_the_time(monkeypatch: pytest.MonkeyPatch, each: flo
         assert seconds.now < 22.0 + 5 * each  # some looks follow the limit
         assert design.feasibility.draws >= 50
     assert design.feasibility.draws > 0
+
+
+@pytest.mark.parametrize("end", [OutOfTime, KeyboardInterrupt])
+def test_what_an_ascent_has_come_to_is_not_lost(monkeypatch: pytest.MonkeyPatch, end: type[BaseException]) -> None:
+    """The search ends before plants are tried with it."""
+    tried = RunSearch._tried
+
+    def until_the_first_ascent(self: RunSearch, *of: Any) -> Any:
+        if any(one.untried for one in self._climbs) and not self.clock.paused:
+            raise end
+        return tried(self, *of)
+
+    problem, few = arm(12), {"goal": fp.Goal(confidence=0.5), "n_starts": 2, "n_candidates": 40, "time_limit": 1000.0}
+    monkeypatch.setattr(RunSearch, "_tried", until_the_first_ascent)
+    kept = fp.design_runs(problem, **few)
+    assert kept.stop_reason == ("time_limit" if end is OutOfTime else "interrupted") and kept.ends == ()
+    monkeypatch.setattr(RunSearch, "_try_last", lambda self: None)
+    assert kept.log_det > fp.design_runs(problem, **few).log_det + 0.1
+
+
+def test_fewer_starts_are_followed_where_time_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = cart(0.5, segments=8)
+    monkeypatch.setattr(Clock, "affordable", lambda self, kind, share: 400.0)
+    design = fp.design_runs(problem, n_starts=6, n_candidates=40, time_limit=1000.0)
+    assert 0 < len(design.ends) < 6 and design.evaluation.rank == 2 and design.feasible and unbeaten(design)
 
 
 def test_a_search_without_a_limit_looks_at_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -66,6 +66,11 @@ class Clock:
         return self._now() - self._began
 
     @property
+    def left(self) -> float:
+        """Seconds until the time of everything is up, those that are reserved among them."""
+        return float("inf") if self._limit is None else self._limit - self.seconds
+
+    @property
     def limited(self) -> bool:
         """Whether there is a limit."""
         return self._limit is not None

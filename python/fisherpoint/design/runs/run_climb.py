@@ -33,6 +33,8 @@ class Climb:
     rng : numpy.random.Generator
     kappa : float, optional
         The distance from limits to begin with; that of the guard by default.
+    hurried : bool, optional
+        Whether there is little time: ascents are short, and single changes wait until they gain little.
 
     Attributes
     ----------
@@ -40,6 +42,8 @@ class Climb:
         The best runs so far, and those that the last step has led to.
     ended : bool
         Whether no more is gained.
+    untried : bool
+        Whether plants have not been tried with the numbers that it has come to.
     """
 
     def __init__(
@@ -52,16 +56,23 @@ class Climb:
         others: Callable[[], Array],
         rng: np.random.Generator,
         kappa: float | None = None,
+        hurried: bool = False,
     ) -> None:
         self._tuning = objective.tuning
         self._objective, self._tried, self._chosen, self._others, self._rng = objective, tried, chosen, others, rng
         self._z, self._selected, self._reach, self._value = z, chosen(z), self._tuning.ascent.first_reach, -np.inf
         self._kappa = self._best_kappa = guard.first if kappa is None else kappa
-        self._margin, self._lost, self._steps, self._moved = Margin(objective, guard), 0, 0, True
+        self._margin, self._lost, self._steps, self._moved = Margin(objective, guard), 0, 0, not hurried
+        self._iterations = self._tuning.hurried_iterations if hurried else self._tuning.ascent_iterations
         self._explored = guard.first == 0.0 or not objective.margins.exist
         self.best: ReachedRuns | None = None
         self.last: ReachedRuns | None = None
-        self.ended = False
+        self.ended = self.untried = False
+
+    @property
+    def reached(self) -> tuple[Array, NDArray[np.bool_] | None, float]:
+        """Free numbers (L, d) that it has come to, the samples that count, and what they are worth, less what they cost."""
+        return self._z, self._selected, self._value
 
     @property
     def worth(self) -> tuple[bool, float]:
@@ -80,12 +91,14 @@ class Climb:
         objective, tuning, self._steps = self._objective, self._tuning, self._steps + 1
         objective.kappa = self._kappa
         least, before = self._least, self._value
-        peak = ascend(objective, self._z, self._selected, tuning.ascent_iterations, self._rng, self._reach)
+        peak = ascend(objective, self._z, self._selected, self._iterations, self._rng, self._reach)
         self._z, self._value, self._reach = peak.z, peak.value, peak.reach
+        self.untried = bool(np.isfinite(peak.value))
         tired = self._moved or peak.done or not peak.value > before + tuning.stretch_gain
         if tired:
             self._change(least)
         found = self.last = self._tried(self._z, self._selected)
+        self.untried = False
         if self.best is None or found.worth > self.best.worth:
             self.best, self._best_kappa = found, self._kappa
         self._lost = self._lost + 1 if self._explored and self.best.feasible and not found.feasible else 0

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...basics.work_clock import OutOfTime
 from ...information.run_tangents import RunTangents
 from ...points.run_coordinates import RunCoordinates
 from .run_objective import RunObjective
@@ -24,20 +25,26 @@ def best_moves(
     least: float,
     rng: np.random.Generator,
 ) -> tuple[Array, float]:
-    """Free numbers (L, d) after good single changes of each run, one run after the other, and what they are worth.
+    """Free numbers (L, d) after good single changes of each run, one run after the other, and what they are worth; in the time
+    that there is.
 
     A change gains more than `least`. Parts of `others` (K, d), good runs, are among the changes.
     """
-    tuning, judged = objective.tuning, objective.judged(objective.tried(z, selected))
+    tuning, clock, judged = objective.tuning, objective.clock, objective.judged(objective.tried(z, selected))
+    affordable = clock.affordable("tangents", tuning.changes_share) / len(objective.plants)
+    at_once = int(min(tuning.changes_at_once, max(tuning.least_changes_at_once, affordable)))
     total, paid = judged.matrices.sum(axis=0) + objective.previous, float(judged.costs.sum())
     for k in range(len(z)):
         own, gains, base = judged.some([k]), 0, _along(objective, z, k, selected)
         left = _in_turn(objective, z[k], rng, others)
         while len(left) and gains < tuning.most_changes_made:
-            trial, left = left[: tuning.changes_at_once], left[tuning.changes_at_once :]
+            trial, left = left[:at_once], left[at_once:]
             rows = None if selected is None else np.repeat(selected[k : k + 1], len(trial), axis=0)
             runs = objective.tried(trial, rows)
-            tried = objective.judged(runs) if base.status.any() else objective.judged_beside(base, runs)
+            try:
+                tried = objective.judged(runs) if base.status.any() else objective.judged_beside(base, runs)
+            except OutOfTime:
+                return z, value
             values = objective.averages(total - own.matrices[0] + tried.matrices) - (paid - own.costs[0] + tried.costs)
             values = np.where(tried.ok, values, -np.inf)
             m = int(np.argmax(values))

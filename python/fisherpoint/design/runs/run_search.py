@@ -14,6 +14,7 @@ Its work is counted in starts and iterations, so that it finds the same on every
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,8 @@ class RunSearch:
         self._other_ends: list[ReachedRuns] = []
         self.classical: dict[str, ReachedRuns] = {}
         self._found: list[ReachedRuns] = []
-        self._costly = False
+        self._costly = self._hurried = False
+        self._longest_trial = 0.0
         most = tuning.most_pool_segments // (region.segments * len(plants))
         wanted = max(4 * n_runs, 20, min(settings.n_candidates, most))
         clock.share = tuning.time_shares[0]
@@ -202,18 +204,31 @@ class RunSearch:
             reason = StopReason.interrupted
         except OutOfTime:
             reason = StopReason.time_limit
-        if not self._found:
-            with self.clock.pause():  # without runs there is nothing to return
+        with self.clock.pause():
+            if not self._found:  # without runs there is nothing to return
                 z = self.pool.chosen(self.n_runs, self._rng)
                 self._tried(z, self._chosen_samples(z))
+            elif reason != StopReason.completed and self.clock.left > self.tuning.left_for_last_trial * self._longest_trial:
+                self._try_last()
         self.clock.beat, self.clock.share = None, 1.0
         self.clock.reserve = self.clock.cost("tangents", self.n_runs)  # of the evaluation
         return reason
+
+    def _try_last(self) -> None:
+        """Try the plants with the best of what climbs have come to since they did that."""
+        reached = [one.reached for one in self._climbs if one.untried]
+        if reached:
+            z, selected, _ = max(reached, key=lambda of: of[2])
+            with suppress(KeyboardInterrupt):
+                self._tried(z, selected)
 
     def _begin(self) -> None:
         """Evaluate classical runs, and set how far runs keep from limits at first."""
         objective = self.objective
         easy: bool | None = None
+        self._hurried = self._raced < self.n_starts
+        if self._hurried:
+            objective.looks = 1
         self._costly = self.clock.costly("tangents", self.tuning.costly_runs * len(objective.plants))
         if self._costly:  # what follows may take all of the time
             with self.clock.pause():
@@ -254,10 +269,10 @@ class RunSearch:
         starts = [self.pool.chosen(self.n_runs, self._rng) for _ in range(self.n_starts)]
         starts += [found.z for found in self.classical.values()]
         worth = self.objective.values(np.stack(starts)) if self.region.samples is None else np.array(list(map(self._worth, starts)))
-        order = np.argsort(-worth, kind="stable")[: self.n_starts]
+        order = np.argsort(-worth, kind="stable")[: self._raced]
         ways = self._tried, self._chosen_samples, self._others, self._rng
-        self._climbs = [Climb(self.objective, self.guard, starts[k], *ways) for k in order]
-        if not self._costly and (able := self._able_start()) is not None:
+        self._climbs = [Climb(self.objective, self.guard, starts[k], *ways, hurried=self._hurried) for k in order]
+        if not self._hurried and (able := self._able_start()) is not None:
             self._climbs[-1] = Climb(self.objective, self.guard, able, *ways, kappa=self._kappa_of(able))
         self.clock.share = self.tuning.time_shares[2]
         try:
@@ -266,7 +281,8 @@ class RunSearch:
             self.clock.share = 1.0
             self.clock.check()
         self.clock.share = 1.0
-        self._approach()
+        with self.clock.part(self.tuning.approach_share if self._hurried else 1.0):
+            self._approach()
         for one in sorted(self._climbs, key=lambda one: one.worth, reverse=True):
             while not one.ended:
                 one.step()
@@ -274,6 +290,15 @@ class RunSearch:
                 break  # otherwise another one may come to runs that enough plants can run
         max(self._climbs, key=lambda one: (-np.inf,) if one.best is None else one.best.worth).go_on()
         self._approach()
+
+    @property
+    def _raced(self) -> int:
+        """How many starts race: fewer than there are where there is no time for a first step of each."""
+        tuning = self.tuning
+        of_iteration = len(self.coordinates.quiet) + len(tuning.ascent.reach_factors) * len(tuning.ascent.step_shares)
+        of_step = self.n_runs * len(self.objective.plants) * tuning.ascent_iterations * of_iteration
+        affordable = self.clock.affordable("tangents", tuning.race_share) * self.threads / of_step
+        return max(1, int(min(self.n_starts, affordable)))
 
     def _progress(self, message: str) -> Progress:
         value = self.best.value if self._found else None
@@ -332,7 +357,9 @@ class RunSearch:
 
         At the problem's own tolerance they may touch a surface that they just miss at the search's, and have no derivative there.
         """
+        began = self.clock.seconds
         found = self._judged(z, selected)
+        self._longest_trial = max(self._longest_trial, self.clock.seconds - began)
         self._found.append(found)
         return found
 

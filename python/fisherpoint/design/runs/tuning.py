@@ -160,6 +160,9 @@ class RunSearchTuning:
     ascent_iterations: int = 8
     """Number of iterations of an ascent between two looks at the plants."""
 
+    hurried_iterations: int = 3
+    """That number where a limit of time leaves room for few iterations: so the distance from limits is adapted all the same."""
+
     stretch_gain: float = 0.05
     """Gain of an ascent, in log det F, from which on another ascent follows before single changes are tried."""
 
@@ -206,6 +209,12 @@ class RunSearchTuning:
     changes_at_once: int = 256
     """Number of changes that are tried before the best of them is made."""
 
+    changes_share: float = 0.02
+    """Largest share of a limit of time that they take."""
+
+    least_changes_at_once: int = 32
+    """Number of them in any case."""
+
     most_changes_made: int = 12
     """Maximum number of changes that are made of each run."""
 
@@ -224,6 +233,15 @@ class RunSearchTuning:
 
     rung_survivors: int = 3
     """One climb in so many goes on to the next rung."""
+
+    race_share: float = 0.3
+    """Share of a limit of time in which all starts that race make a first step: where there are more, the worst are left out."""
+
+    left_for_last_trial: float = 2.0
+    """Seconds that are left, over those of the longest trial on plants, for one more behind the end of the search."""
+
+    approach_share: float = 0.2
+    """Share of the time left that is taken, behind such a race, to go towards better runs that too few plants can run."""
 
     same_value: float = 1e-2
     """Distance from the best log det F within which a start counts as having found the same."""
