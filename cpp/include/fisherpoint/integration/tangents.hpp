@@ -310,36 +310,10 @@ class Tangents {
     return judged(method_, estimate.error, estimate.coarse, beside_);
   }
 
-  // Of models that are lists of operations, without anything to slide on: column_parts.hpp.
+  // Of models that are lists of operations, without anything to slide on: columns_in_parts.hpp.
   static constexpr bool has_parts = !Shape<M>::unrolled && lanes_of<P>::width > 1;
-  [[gnu::noinline]] void linearise_parts(const State& at, const Side& side, const P& step, State& rate, int s) {
-    if constexpr (has_parts) {
-      if (!parts_)
-        parts_.emplace(method_, f_.dependence.by_state, f_.dependence.by_theta, f_.parameters, f_.parts() == 1 ? 1 : P::parts);
-      const bool may_be_still = f_.dependence.any_closed();
-      const Mask still = !(abs(step) > P(0.0));
-      const auto stage = parts_->stage(s);
-      const auto in_parts = [&](auto parts) {
-        f_.linearise(at, side, rate, [&](int e, const P& slope) {
-          P change = slope * step;
-          if (may_be_still) change = select(still, P(0.0), change);
-          for_each_index(parts, [&](int part) { stage.at(part, e) = change.part[part]; });
-        });
-      };
-      parts_->parts() == P::parts ? in_parts(Count<P::parts>{}) : in_parts(Count<1>{});
-      for (P& entry : rate) entry *= step;
-    }
-  }
-  [[gnu::noinline]] void advance_parts() {
-    if constexpr (has_parts) {
-      parts_->advance(f_.dependence.patterns, s.data(), f_.dependence.column_start, [&](int i) { return f_.inverse_scale(i); });
-      for (const ColumnPattern& of : f_.dependence.patterns)
-        for (const int k : of.columns) {
-          const auto& sums = parts_->sums(k);
-          add_column_error(k, {sums.error, sums.coarse}, sums.size);
-        }
-    }
-  }
+  [[gnu::noinline]] void linearise_parts(const State& at, const Side& side, const P& step, State& rate, int s);
+  [[gnu::noinline]] void advance_parts();
   void add_column_error(int k, const Estimate& estimate, const P& size) {
     squared_column_error_[k] += squared(estimate);
     coarse_fourth_[k] += square(estimate.coarse);
@@ -482,6 +456,7 @@ class Tangents {
 
 }  // namespace fisherpoint
 
+#include "fisherpoint/integration/columns_in_parts.hpp"
 #include "fisherpoint/integration/dense_tangents.hpp"
 #include "fisherpoint/integration/passing.hpp"
 #include "fisherpoint/integration/reset_tangents.hpp"
