@@ -127,7 +127,7 @@ TEST_CASE("where the first part of packs alone is in use, it has the same bits")
   EliminationOrder order(size, pattern);
   order.find_targets();
   const auto check = [&]<class T>(T) {
-    LinearSystem<T> all(size, &order), first(size, &order, 1);
+    LinearSystem<T> all(size, &order), first(size, &order, true);
     for (auto* system : {&all, &first}) {
       system->clear();
       const auto put = [&](int i, int k) {

@@ -216,7 +216,7 @@ TEST_CASE("lists that would read or write what they must not are refused") {
   CHECK_THROWS_AS(model({{}, {}, {{O::mul, 3, 0, 1, 0}}, {3, 3}, 4}), std::invalid_argument);
 }
 
-TEST_CASE("a machine of which the first part is in use gives it the same bits, and leaves the others as they were at first") {
+TEST_CASE("the first part of a machine alone has the same bits, and the others are left as they were at first") {
   const TapeModel model = ball(Kind::kink, 0.4);
   HeapArray<Wide> theta(2), u(1), x(2), side(1);
   const auto vary = [](HeapArray<Wide>& values, double from) {
@@ -226,7 +226,7 @@ TEST_CASE("a machine of which the first part is in use gives it the same bits, a
   vary(theta, 0.1), vary(u, -1.0), vary(x, -2.0);
   side.fill(Wide(1.0));
   Machine<Wide> all(model.programs().rate_jacobian, model.shape(), theta, u);
-  Machine<Wide> first(model.programs().rate_jacobian, model.shape(), theta, u, 1);
+  Machine<Wide> first(model.programs().rate_jacobian, model.shape(), theta, u, true);
   all.run(x, side), first.run(x, side);
   std::vector<Wide> before;
   for (int i = 0; i < 6; ++i) before.push_back(first.output(i));

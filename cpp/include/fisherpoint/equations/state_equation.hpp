@@ -26,8 +26,8 @@ class StateEquation : public Shape<M> {
   StateEquation(const M& model, const Theta& theta, const Input& u, int = 0)
       : model_(model), theta_(theta), u_(u), dynamics_(model.dynamics(theta_)) {}
 
-  // In how many parts of packs lanes are in use.
-  static constexpr int parts() { return parts_of<P>::count; }
+  // Whether the first part of packs is all that is in use, and computed (first_part.hpp).
+  static constexpr bool first_part_alone() { return false; }
 
   void derivative(const State& x, const Side& side, State& dx) const { dx = to_array<P>(dynamics_(x, u_, side)); }
   // Entries of f_x that may differ from zero: all, row by row.

@@ -42,17 +42,17 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
         model_(model),
         theta_(theta),
         u_(u),
-        parts_(parts_for<P>(used)),
+        first_part_alone_(first_part_suffices<P>(used)),
         no_sides_(model.shape().sided_limits ? model.shape().sides : 0),
-        rates_(model.programs().rates, model.shape(), theta_, u_, parts_),
-        output_(model.programs().output, model.shape(), theta_, u_, parts_),
-        surfaces_(model.programs().surfaces, model.shape(), theta_, u_, parts_),
-        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_, parts_) {
+        rates_(model.programs().rates, model.shape(), theta_, u_, first_part_alone_),
+        output_(model.programs().output, model.shape(), theta_, u_, first_part_alone_),
+        surfaces_(model.programs().surfaces, model.shape(), theta_, u_, first_part_alone_),
+        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_, first_part_alone_) {
     no_sides_.fill(P(0.0));
   }
 
   const Dependence<TapeModel>& dependence;
-  int parts() const { return parts_; }
+  bool first_part_alone() const { return first_part_alone_; }
 
   void derivative(const State& x, const Side& side, State& dx) const {
     rates_.run(x, side);
@@ -63,7 +63,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   const EliminationOrder* order() const { return model_.order(); }
   const EliminationOrder* stages_order() const { return model_.stages_order(); }
   void jacobian(const State& x, const Side& side, P* entries) const {
-    if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_, parts_);
+    if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_, first_part_alone_);
     slopes_->run(x, side);
     for (int e = 0; e < slopes(); ++e) entries[e] = slopes_->output(e);
   }
@@ -74,7 +74,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   // Which conditions of resets hold on these sides: positive where they do.
   State reset_conditions(const State& x, const Side& side) const {
-    if (!resets_) resets_.emplace(model_.resets().program, *this, theta_, u_, parts_);
+    if (!resets_) resets_.emplace(model_.resets().program, *this, theta_, u_, first_part_alone_);
     resets_->run(x, side);
     return outputs_of(*resets_, resets);
   }
@@ -91,7 +91,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   // The states behind the updates that `which` numbers.
   State update(const State& x, const P& which) const {
-    if (!updates_) updates_.emplace(model_.updates().program, *this, theta_, u_, parts_);
+    if (!updates_) updates_.emplace(model_.updates().program, *this, theta_, u_, first_part_alone_);
     updates_->run(x);
     State after = x;
     int at = 0;
@@ -137,7 +137,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   const TapeModel& model_;
   Theta theta_;
   Input u_;
-  int parts_;  // of packs, in which lanes are in use
+  bool first_part_alone_;  // of packs has lanes in use
   Side no_sides_;
   mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
   mutable std::optional<Machine<P>> slopes_, resets_, updates_;
@@ -163,10 +163,10 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
         model_(model),
         theta_(theta),
         u_(u),
-        parts_(parts_for<P>(used)),
-        rates_(model.programs().rate_jacobian, model.shape(), theta_, u_, parts_),
-        output_(model.programs().output_jacobian, model.shape(), theta_, u_, parts_),
-        jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_, parts_) {}
+        first_part_alone_(first_part_suffices<P>(used)),
+        rates_(model.programs().rate_jacobian, model.shape(), theta_, u_, first_part_alone_),
+        output_(model.programs().output_jacobian, model.shape(), theta_, u_, first_part_alone_),
+        jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_, first_part_alone_) {}
 
   // x and S behind the resets that `which` numbers.
   void reset(const P& which, State& x, Columns<TapeModel, P>& s) const { set_anew(resets_, model_.resets(), which, x, s); }
@@ -174,7 +174,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   void update(const P& which, State& x, Columns<TapeModel, P>& s) const { set_anew(updates_, model_.updates(), which, x, s); }
 
   const Dependence<TapeModel>& dependence;
-  int parts() const { return parts_; }
+  bool first_part_alone() const { return first_part_alone_; }
 
   double inverse_scale(int i) const { return model_.inverse_scale(i); }
   const Theta& theta() const { return theta_; }
@@ -233,7 +233,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
  private:
   void set_anew(std::optional<Machine<P>>& machine, const auto& given, const P& which, State& x,
                 Columns<TapeModel, P>& s) const {
-    if (!machine) machine.emplace(given.jacobian, *this, theta_, u_, parts_);
+    if (!machine) machine.emplace(given.jacobian, *this, theta_, u_, first_part_alone_);
     // What the machine gives may be a state itself, which is about to change.
     const State at_event = x;
     machine->run(at_event);
@@ -267,7 +267,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   const TapeModel& model_;
   Theta theta_;
   Input u_;
-  int parts_;  // of packs, in which lanes are in use
+  bool first_part_alone_;  // of packs has lanes in use
   mutable Machine<P> rates_, output_, jumps_;
   mutable std::optional<Machine<P>> resets_, updates_;
 };

@@ -1,9 +1,8 @@
 // Carries out the lists of operations of a tape (tape.hpp).
 #pragma once
 
-#include <type_traits>
-
 #include "fisherpoint/models/tape.hpp"
+#include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/functions.hpp"
 
 namespace fisherpoint {
@@ -15,12 +14,12 @@ class Machine {
  public:
   using Array = HeapArray<P>;
 
-  // `theta` and `u` must outlive the machine. After the first run, which gives all lanes values, it computes so many parts of
-  // the packs; the others keep theirs.
+  // `theta` and `u` must outlive the machine. After the first run, which gives all lanes values, it may compute the first
+  // part of the packs alone; the others keep theirs.
   Machine(const Program& program, const Shape<TapeModel>& shape, const Array& theta, const Array& u,
-          int parts = parts_of<P>::count)
+          bool first_part_alone = false)
       : program_(program),
-        parts_(parts),
+        first_part_alone_(first_part_alone),
         straight_(fits(program.straight) ? program.straight : nullptr),
         own_(straight_ ? straight_->packs : program.registers - theta.size() - u.size()),
         at_(straight_ ? 0 : program.registers) {
@@ -37,7 +36,7 @@ class Machine {
     side_ = x_ + shape.states;
     dx_ = side_ + shape.kinks_end;
     for (next = dx_ + shape.states; next != at_.end();) *next++ = own++;
-    carry_out_as<P>(program.setup, at_.data());
+    carry_out<P>(program.setup, at_.data());
   }
 
   void run(const Array& x) {
@@ -47,7 +46,8 @@ class Machine {
       return;
     }
     refer(x_, x);
-    carry_out(program_.stage, at_.data(), begun_ ? parts_ : parts_of<P>::count);
+    if (begun_ && first_part_alone_) return carry_out<typename FirstPart<P>::type>(program_.stage, at_.data());
+    carry_out<P>(program_.stage, at_.data());
     begun_ = true;
   }
   void run(const Array& x, const Array& side) {
@@ -70,38 +70,18 @@ class Machine {
   const P& output(int i) const { return straight_ ? own_[i] : *at_[program_.outputs[i]]; }
 
  private:
-  static void carry_out(const std::vector<Instruction>& instructions, const P* const* at, int parts) {
-    if constexpr (parts_of<P>::count >= 4) {
-      if (parts == 1) return carry_out_as<typename parts_of<P>::part>(instructions, at);
-    }
-    carry_out_as<P>(instructions, at);
-  }
-  // A register's first lanes, as many as Q has.
+  // On the registers, or the first parts of them. Operations of one kind follow each other (schedule.py), and are decoded
+  // together.
   template <class Q>
-  static decltype(auto) read(const P& from) {
-    if constexpr (std::is_same_v<P, Q>)
-      return (from);
-    else
-      return parts_of<P>::get(from, 0);
-  }
-  template <class Q>
-  static void write(P& to, const Q& value) {
-    if constexpr (std::is_same_v<P, Q>)
-      to = value;
-    else
-      parts_of<P>::set(to, 0, value);
-  }
-  // On the first lanes of the registers. Operations of one kind follow each other (schedule.py), and are decoded together.
-  template <class Q>
-  [[gnu::noinline]] static void carry_out_as(const std::vector<Instruction>& instructions, const P* const* at) {
+  [[gnu::noinline]] static void carry_out(const std::vector<Instruction>& instructions, const P* const* at) {
     using O = Operation;
     const Instruction *next = instructions.data(), *const end = next + instructions.size();
     while (next != end) {
       const O operation = next->operation;
       const auto all = [&](auto&& of) {
         do {
-          const auto &a = read<Q>(*at[next->a]), &b = read<Q>(*at[next->b]), &c = read<Q>(*at[next->c]);
-          write<Q>(const_cast<P&>(*at[next->out]), of(a, b, c));  // what is computed is our own
+          const auto &a = read_as<Q>(*at[next->a]), &b = read_as<Q>(*at[next->b]), &c = read_as<Q>(*at[next->c]);
+          write_as(const_cast<P&>(*at[next->out]), Q(of(a, b, c)));  // what is computed is our own
         } while (++next != end && next->operation == operation);
       };
       switch (operation) {
@@ -202,8 +182,7 @@ class Machine {
   }
 
   const Program& program_;
-  int parts_;
-  bool begun_ = false;
+  bool first_part_alone_, begun_ = false;
   const FisherpointProgram* straight_;  // its functions, which do the work if there are any
   FisherpointLeaves leaves_{};
   Array own_;                    // literals and what is computed

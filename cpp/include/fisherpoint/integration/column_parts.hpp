@@ -3,7 +3,6 @@
 // these columns, and one vector's share of them stays in a cache of the second level.
 #pragma once
 
-#include <algorithm>
 #include <vector>
 
 #include "fisherpoint/models/column_patterns.hpp"
@@ -24,8 +23,7 @@ class ColumnParts {
     P error, coarse, size;
   };
 
-  // `by_state` entries of f_x and `by_theta` of f_theta, the last of which is the zero; of so many parts of the packs, those
-  // that are in use.
+  // `by_state` entries of f_x and `by_theta` of f_theta, with the zero behind them; of the first `parts` of the packs.
   ColumnParts(const Method& method, int by_state, int by_theta, int columns, int parts)
       : method_(method),
         by_state_(by_state),

@@ -64,8 +64,8 @@ class ImplicitStep {
   explicit ImplicitStep(const Equation& f)
       : f_(f),
         n_(f.states),
-        real_(n_, f.order(), f.parts()),
-        complex_(n_, f.order(), f.parts()),
+        real_(n_, f.order(), f.first_part_alone()),
+        complex_(n_, f.order(), f.first_part_alone()),
         right_(n_),
         right_complex_(n_),
         signs_(2 * n_),

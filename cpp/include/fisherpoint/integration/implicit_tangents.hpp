@@ -35,7 +35,7 @@ class ImplicitTangents {
         states_(states),
         step_(states),
         n_(states.states),
-        system_(stages * n_, states.stages_order(), states.parts()),
+        system_(stages * n_, states.stages_order(), states.first_part_alone()),
         right_(stages * n_),
         start_(n_),
         column_(n_) {

@@ -1,5 +1,6 @@
-// The columns of S of a model that is lists of operations, by their patterns: which entries of f_x make which rate of a column
-// of which. Found once for a model, where a loop over sets of bits would find it anew in every stage.
+// The columns of S of a model that is lists of operations, by their patterns: the states that a column reaches, and the
+// products that its rates are sums of. Found once for a model, where a loop over sets of bits would find it anew in every
+// stage.
 #pragma once
 
 #include <algorithm>

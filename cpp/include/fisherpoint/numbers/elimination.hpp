@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/pack.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
 
@@ -16,6 +17,16 @@ struct Complex {
   friend Complex operator-(const Complex& a, const Complex& b) { return {a.re - b.re, a.im - b.im}; }
   friend Complex operator*(const Complex& a, const Complex& b) {
     return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
+  }
+};
+
+template <class P>
+struct FirstPart<Complex<P>> {
+  using type = Complex<typename FirstPart<P>::type>;
+  static type get(const Complex<P>& from) { return {FirstPart<P>::get(from.re), FirstPart<P>::get(from.im)}; }
+  static void set(Complex<P>& to, const type& value) {
+    FirstPart<P>::set(to.re, value.re);
+    FirstPart<P>::set(to.im, value.im);
   }
 };
 
@@ -63,22 +74,6 @@ template <class P>
 [[gnu::always_inline]] inline Complex<P> product(const Complex<P>& a, const Complex<P>& b) {
   return {fused(a.re, b.re, -(a.im * b.im)), fused(a.re, b.im, a.im * b.re)};
 }
-
-// Of packs, or complex numbers of packs, the first part.
-template <class P>
-struct FirstOf {
-  using type = typename parts_of<P>::part;
-  static type get(const P& a) { return parts_of<P>::get(a, 0); }
-  static void set(P& a, const type& value) { parts_of<P>::set(a, 0, value); }
-};
-template <class P>
-struct FirstOf<Complex<P>> {
-  using type = Complex<typename parts_of<P>::part>;
-  static type get(const Complex<P>& a) { return {parts_of<P>::get(a.re, 0), parts_of<P>::get(a.im, 0)}; }
-  static void set(Complex<P>& a, const type& value) {
-    parts_of<P>::set(a.re, 0, value.re), parts_of<P>::set(a.im, 0, value.im);
-  }
-};
 
 template <class P>
 P magnitude(const P& a) {

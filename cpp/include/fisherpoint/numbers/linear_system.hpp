@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <optional>
-#include <type_traits>
 
 #include "fisherpoint/numbers/elimination.hpp"
 #include "fisherpoint/numbers/elimination_order.hpp"
@@ -18,14 +17,15 @@ template <class T>
 class LinearSystem {
   using P = typename detail::NumberOf<T>::type;
   using Mask = mask_of_lanes<P>;
-  using First = typename detail::FirstOf<T>::type;  // the first part of such packs
+  using First = typename FirstPart<T>::type;
   // Of the numbers that are added up for an entry, against the largest entry of its row: as many digits are lost.
   static constexpr double most_growth = 1e4;
 
  public:
-  // Without an order, of a full matrix (n, n). The order must outlive the system. In an order, only the first part of the packs
-  // is solved where no more `parts` are in use.
-  LinearSystem(int n, const EliminationOrder* order, int parts = parts_of<P>::count) : n_(n), parts_(parts), order_(order) {
+  // Without an order, of a full matrix (n, n). The order must outlive the system. In an order, the first part of the packs may
+  // be all that is solved.
+  LinearSystem(int n, const EliminationOrder* order, bool first_part_alone = false)
+      : n_(n), first_part_alone_(first_part_alone), order_(order) {
     if (!order_) {
       full_.emplace(n);
       return;
@@ -50,7 +50,7 @@ class LinearSystem {
     if (!order_) return full_->factorise();
     numbers_ = given_;
     weak_ = lanes_of<P>::none();
-    if (parts_ == 1)
+    if (first_part_alone_)
       eliminate<First>();
     else
       eliminate<T>();
@@ -78,7 +78,7 @@ class LinearSystem {
       of_weak_.assign(b, b + n_);
       full_->solve(of_weak_.data());
     }
-    if (parts_ == 1)
+    if (first_part_alone_)
       solve_as<First>(b);
     else
       solve_as<T>(b);
@@ -86,44 +86,28 @@ class LinearSystem {
   }
 
  private:
-  // The first part of a number, or all of it.
-  template <class Q>
-  static decltype(auto) get(const T& from) {
-    if constexpr (std::is_same_v<Q, T>)
-      return (from);
-    else
-      return detail::FirstOf<T>::get(from);
-  }
-  template <class Q>
-  static void set(T& to, const Q& value) {
-    if constexpr (std::is_same_v<Q, T>)
-      to = value;
-    else
-      detail::FirstOf<T>::set(to, value);
-  }
-
   template <class Q>
   void solve_as(T* b) const {
-    for (int k = 0; k < n_; ++k) set<Q>(at_[k], get<Q>(b[order_->pivots[k].row]));
+    for (int k = 0; k < n_; ++k) write_as(at_[k], read_as<Q>(b[order_->pivots[k].row]));
     for (int k = 0; k < n_; ++k) {
       const auto& pivot = order_->pivots[k];
       const int m = static_cast<int>(pivot.behind.size());
       const T* const column = &numbers_[pivot.first] + 1 + m;
-      const auto& known = get<Q>(at_[k]);
+      const auto& known = read_as<Q>(at_[k]);
       for (int i = 0; i < m; ++i) {
         T& other = at_[pivot.behind[i]];
-        set<Q>(other, detail::less_product<typename detail::NumberOf<Q>::type>(get<Q>(other), get<Q>(column[i]), known));
+        write_as(other, detail::less_product(read_as<Q>(other), read_as<Q>(column[i]), known));
       }
     }
     for (int k = n_; k-- > 0;) {
       const auto& pivot = order_->pivots[k];
       const T* const row = &numbers_[pivot.first];
-      Q sum = get<Q>(at_[k]);
+      Q sum = read_as<Q>(at_[k]);
       for (int i = 0, m = static_cast<int>(pivot.behind.size()); i < m; ++i)
-        sum = detail::less_product<typename detail::NumberOf<Q>::type>(sum, get<Q>(row[1 + i]), get<Q>(at_[pivot.behind[i]]));
-      set<Q>(at_[k], detail::product<typename detail::NumberOf<Q>::type>(sum, get<Q>(row[0])));
+        sum = detail::less_product(sum, read_as<Q>(row[1 + i]), read_as<Q>(at_[pivot.behind[i]]));
+      write_as(at_[k], detail::product(sum, read_as<Q>(row[0])));
     }
-    for (int k = 0; k < n_; ++k) set<Q>(b[order_->pivots[k].row], get<Q>(at_[k]));
+    for (int k = 0; k < n_; ++k) write_as(b[order_->pivots[k].row], read_as<Q>(at_[k]));
   }
 
   template <class Q>
@@ -133,24 +117,21 @@ class LinearSystem {
     auto weak = lanes_of<Real>::none();
     find_largest<Q>(largest);
     for (int k = 0; k < n_; ++k) eliminate<Q>(order_->pivots[k], largest, weak);
-    if constexpr (std::is_same_v<Q, T>)
-      weak_ = weak;
-    else
-      parts_of<P>::set(weak_, 0, weak);
+    write_as(weak_, weak);
   }
 
   // The largest entry of every row, by places in the order.
   template <class Q>
   void find_largest(auto& largest) const {
-    for (int k = 0; k < n_; ++k) largest[k] = detail::magnitude(get<Q>(given_[order_->pivots[k].first]));
+    for (int k = 0; k < n_; ++k) largest[k] = detail::magnitude(read_as<Q>(given_[order_->pivots[k].first]));
     for (int k = 0; k < n_; ++k) {
       const auto& pivot = order_->pivots[k];
       const int m = static_cast<int>(pivot.behind.size());
       const T* const entry = &given_[pivot.first] + 1;
       for (int i = 0; i < m; ++i) {
         auto& of_other = largest[pivot.behind[i]];
-        largest[k] = max(largest[k], detail::magnitude(get<Q>(entry[i])));
-        of_other = max(of_other, detail::magnitude(get<Q>(entry[m + i])));
+        largest[k] = max(largest[k], detail::magnitude(read_as<Q>(entry[i])));
+        of_other = max(of_other, detail::magnitude(read_as<Q>(entry[m + i])));
       }
     }
   }
@@ -161,19 +142,19 @@ class LinearSystem {
     const int m = static_cast<int>(pivot.behind.size());
     T* const diagonal = &numbers_[pivot.first];
     T *const row = diagonal + 1, *const column = row + m;
-    Real in_row = detail::magnitude(get<Q>(*diagonal));
+    Real in_row = detail::magnitude(read_as<Q>(*diagonal));
     weak = weak | ((in_row <= Real(0.0)) & (in_row >= Real(0.0)));
-    for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(get<Q>(row[i])));
-    const Q inverse = detail::fused_reciprocal<Real>(get<Q>(*diagonal));
-    set<Q>(*diagonal, inverse);
+    for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(read_as<Q>(row[i])));
+    const Q inverse = detail::fused_reciprocal(read_as<Q>(*diagonal));
+    write_as(*diagonal, inverse);
     const int* target = pivot.targets.data();
     for (int i = 0; i < m; ++i) {
-      const Q factor = detail::product<Real>(get<Q>(column[i]), inverse);
-      set<Q>(column[i], factor);
+      const Q factor = detail::product(read_as<Q>(column[i]), inverse);
+      write_as(column[i], factor);
       weak = weak | (detail::magnitude(factor) * in_row > most_growth * largest[pivot.behind[i]]);
       for (int k = 0; k < m; ++k, ++target) {
         T& entry = numbers_[*target];
-        set<Q>(entry, detail::less_product<Real>(get<Q>(entry), factor, get<Q>(row[k])));
+        write_as(entry, detail::less_product(read_as<Q>(entry), factor, read_as<Q>(row[k])));
       }
     }
   }
@@ -193,7 +174,8 @@ class LinearSystem {
     full_->factorise();
   }
 
-  int n_, parts_;
+  int n_;
+  bool first_part_alone_;
   const EliminationOrder* order_;
   std::optional<Elimination<T>> full_;
   ShelfVector<T> given_, numbers_;  // entries; once factorised L and U, with the reciprocals of U's diagonal

@@ -325,33 +325,4 @@ struct lanes_of<double> {
 template <class P>
 using mask_of_lanes = typename lanes_of<P>::mask;
 
-// A pack is worked on in parts where that keeps more of the work in a cache, and where not all of its lanes are in use.
-template <class P>
-struct parts_of {
-  using part = P;
-  static constexpr int count = 1;
-  static P get(const P& a, int) { return a; }
-  static void set(P& a, int, const P& value) { a = value; }
-  static void set(mask_of_lanes<P>& m, int, const mask_of_lanes<P>& on) { m = on; }
-};
-template <int W>
-struct parts_of<Pack<W>> {
-  using part = Pack<native_lanes>;
-  static constexpr int count = Pack<W>::parts;
-  static part get(const Pack<W>& a, int k) {
-    part r;
-    r.part[0] = a.part[k];
-    return r;
-  }
-  static void set(Pack<W>& a, int k, const part& value) { a.part[k] = value.part[0]; }
-  static void set(Mask<W>& m, int k, const Mask<native_lanes>& on) { m.part[k] = on.part[0]; }
-};
-
-// In how many parts the first `used` lanes are.
-template <class P>
-constexpr int parts_for(int used) {
-  constexpr int each = lanes_of<P>::width / parts_of<P>::count;
-  return (used + each - 1) / each;
-}
-
 }  // namespace fisherpoint
