@@ -237,7 +237,7 @@ def identifiability(
     region.check(model, crossed_surfaces(model, kinks=True, jumps=True))
 
     sampler = Sampler(model, region, chosen, starts, rng, threads)
-    stacks = [sampler.stack(row, count) for row in theta]
+    stacks = sampler.stacks(theta, count)
     spectra = [spectrum(stack) for stack in stacks]
     null = min(len(found.null) for found in spectra)
     generic = [(stack, found) for stack, found in zip(stacks, spectra, strict=True) if len(found.null) == null]
