@@ -21,7 +21,7 @@ import fisherpoint as fp
 from .timing import least_seconds
 
 WITHIN_X, WITHIN_S = 1e-6, 1e-5
-LADDER = 10.0 ** -np.arange(3, 11.5, 0.5)
+LADDER = 10.0 ** -np.arange(2, 11.5, 0.5)
 BATCH = 32
 ROUNDS = 5
 

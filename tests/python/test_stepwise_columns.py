@@ -42,6 +42,31 @@ def runs_of(count: int, segments: int, rng: Any) -> Any:
     return starts, rng.choice([-2.0, 0.0, 1.0, 3.0], (count, segments, 1))
 
 
+@pytest.mark.parametrize("method", [None, "Radau"])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+def test_no_result_of_a_stiff_model_depends_on_what_shares_its_pack(rtol: float, method: str | None) -> None:
+    """Cells in which something diffuses, with a reaction at the end: stiffness is noticed, and steps become implicit."""
+    n = 40
+    rates = [f"D*{n * n}*({f'c{i - 1} - c{i}' if i else '0'} + ({f'c{i + 1} - c{i}' if i < n - 1 else '0'}))" for i in range(n)]
+    rates[-1] += f" + {n}*(0.5 - k*sinh(4*(c{n - 1} - 0.5)))"
+    states = {f"c{i}": ("1", 1.0) for i in range(n)}
+    model = fp.SymbolicModel(rates, [f"c{n - 1}", "c0"], states, {}, {"D": "1", "k": "1"}, check_units=False)
+    rng = np.random.default_rng(2)
+    theta = np.array([1.0, 0.7]) * rng.choice([0.9, 1.0, 1.1, 3.0], (21, 2))
+    points = fp.Experiments(rng.choice([0.9, 1.0], (21, n)), np.empty((21, 0)), rng.choice([1e-4, 0.01, 0.1], 21))
+    for function, names in (
+        (fp.simulate, ("x", "y", "status")),
+        (fp.sensitivities, ("x", "y", "dx_dtheta", "dy_dtheta", "status")),
+    ):
+        together = function(model, points, theta, rtol=rtol, method=method, threads=1)
+        assert not together.status.any()
+        for k in (0, 7, 20):
+            one = fp.Experiments(points.x0[k : k + 1], points.u[k : k + 1], points.dt[k : k + 1])
+            alone = function(model, one, theta[k], rtol=rtol, method=method)
+            for name in names:
+                assert np.array_equal(getattr(alone, name)[0], getattr(together, name)[k]), (k, name)
+
+
 @pytest.mark.parametrize("friction", [SMOOTH, KINKED])
 def test_no_result_depends_on_what_shares_its_pack(friction: str) -> None:
     rng = np.random.default_rng(1)

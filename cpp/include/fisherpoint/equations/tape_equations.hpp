@@ -103,10 +103,14 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   P squared_size(const State& x) const {
     P sum(0.0);
-    for (int i = 0; i < states; ++i) {
-      const P relative = x[i] * model_.inverse_scale(i);
-      sum += relative * relative;
-    }
+    on_lanes_in_use(*this, [&]<class Q>(As<Q>) {
+      Q of_lanes(0.0);
+      for (int i = 0; i < states; ++i) {
+        const Q relative = read_as<Q>(x[i]) * model_.inverse_scale(i);
+        of_lanes += relative * relative;
+      }
+      write_as(sum, of_lanes);
+    });
     return sum;
   }
 

@@ -26,6 +26,7 @@
 #include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/integration/tolerance.hpp"
 #include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/pack.hpp"
 #include "fisherpoint/numbers/quartic.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
@@ -174,20 +175,14 @@ class Integrator {
 
   // The stages, the end and the middle of a step, and its error.
   void attempt_explicit(const State& y, State& middle) {
-    const bool slide = f_.holds_end > 0 && slide_;
-    const Side at = slide ? beside<P>(f_, side_, 1.0) : side_;
-    for_each_index(last(), [&](auto previous) {
-      const auto s = after(previous);
-      for_each_index(f_.states, [&](auto i) { end_[i] = y[i] + step_ * weighted_sum(s, method_.a[s], stage_, i); });
-      f_.derivative(end_, at, stage_[s]);
-      if (f_.holds_end > 0 && unforeseen(slide)) this->slide(end_, side_, stage_[s]);
-    });
-    State error;
+    State error, coarser;
     fit(error, f_.states);
-    for_each_index(f_.states, [&](auto i) { error[i] = step_ * method_.error_of(stage_, i); });
-    const P embedded = squared_weight() * f_.squared_size(error);
-    for_each_index(f_.states, [&](auto i) { error[i] = end_[i] - y[i] - step_ * method_.coarse_of(stage_, i); });
-    const P coarse = f_.squared_size(error);
+    fit(coarser, f_.states);
+    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
+      find_stages<Q>(y);
+      judge_stages<Q>(y, middle, error, coarser);
+    });
+    const P embedded = squared_weight() * f_.squared_size(error), coarse = f_.squared_size(coarser);
     squared_error_ = method_.squared_error(embedded, squared_weight() * coarse);
     const P size = f_.squared_size(y) + f_.squared_size(end_) + 1e-300;
     const P least = (least_error * least_error) * squared_weight() * coarse * coarse / size;
@@ -195,8 +190,33 @@ class Integrator {
     told_error_ = squared_error_;
     // Behind a kink f may rise like t^1.5, where the embedded error is that of the step itself, however large the coarse one.
     if (f_.kinks_end > 0) squared_error_ = select(behind_kink_ & (embedded > squared_error_), embedded, squared_error_);
+  }
+  template <class Q>
+  void find_stages(const State& y) {
+    const bool slide = f_.holds_end > 0 && slide_;
+    const Side at = slide ? beside<P>(f_, side_, 1.0) : side_;
+    const StagesAs<Q, State> stage{stage_};
+    const auto& step = read_as<Q>(step_);
+    for_each_index(last(), [&](auto previous) {
+      const auto s = after(previous);
+      for_each_index(f_.states,
+                     [&](auto i) { write_as(end_[i], read_as<Q>(y[i]) + step * weighted_sum(s, method_.a[s], stage, i)); });
+      f_.derivative(end_, at, stage_[s]);
+      if (f_.holds_end > 0 && unforeseen(slide)) this->slide(end_, side_, stage_[s]);
+    });
+  }
+  // The middle of the step, its embedded error, and that of a coarser solution.
+  template <class Q>
+  void judge_stages(const State& y, State& middle, State& error, State& coarser) {
+    const StagesAs<Q, State> stage{stage_};
+    const auto& step = read_as<Q>(step_);
+    for_each_index(f_.states, [&](auto i) { write_as(error[i], step * method_.error_of(stage, i)); });
     for_each_index(f_.states, [&](auto i) {
-      middle[i] = 0.5 * (y[i] + end_[i]) + step_ * (0.125 * (stage_[0][i] - stage_[last()][i]) + method_.bow_of(stage_, i));
+      write_as(coarser[i], read_as<Q>(end_[i]) - read_as<Q>(y[i]) - step * method_.coarse_of(stage, i));
+    });
+    for_each_index(f_.states, [&](auto i) {
+      const Q bow = 0.125 * (stage[0][i] - stage[last()][i]) + method_.bow_of(stage, i);
+      write_as(middle[i], fused(step, bow, 0.5 * (read_as<Q>(y[i]) + read_as<Q>(end_[i]))));
     });
   }
 

@@ -27,8 +27,8 @@ namespace fisherpoint {
 
 // start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed. Where n is no Count
 // the sum is a loop, over one vector of a pack at a time, so that it stays in its register.
-template <class N, class First, std::size_t size, class State, class P>
-P weighted_sum(First first, N n, P start, const std::array<double, size>& weights, const State* stage, int i) {
+template <class N, class First, std::size_t size, class P>
+P weighted_sum(First first, N n, P start, const std::array<double, size>& weights, const auto& stage, int i) {
 #if !defined(FISHERPOINT_SANITIZED)  // hundreds of unrolled sums take minutes to compile with their checks
   if constexpr (!std::is_same_v<N, int>) {
     for_each_index(first, n, [&](auto r) {
@@ -41,12 +41,12 @@ P weighted_sum(First first, N n, P start, const std::array<double, size>& weight
     if (weights[r] != 0) start += weights[r] * stage[r][i];
   return start;
 }
-template <class N, std::size_t size, class State, class P>
-P weighted_sum(N n, const P& start, const std::array<double, size>& weights, const State* stage, int i) {
+template <class N, std::size_t size, class P>
+P weighted_sum(N n, const P& start, const std::array<double, size>& weights, const auto& stage, int i) {
   return weighted_sum(Count<0>{}, n, start, weights, stage, i);
 }
-template <class N, std::size_t size, class State>
-auto weighted_sum(N n, const std::array<double, size>& weights, const State* stage, int i) {
+template <class N, std::size_t size>
+auto weighted_sum(N n, const std::array<double, size>& weights, const auto& stage, int i) {
   return weighted_sum(Count<1>{}, n, weights[0] * stage[0][i], weights, stage, i);
 }
 
@@ -76,14 +76,14 @@ struct StageSums {
   template <int n>
   static constexpr N<n> counted = Count<n>{};
 
-  static auto end_of(const auto* stage, int i) { return weighted_sum(counted<M::stages - 1>, M::a[M::stages - 1], stage, i); }
+  static auto end_of(const auto& stage, int i) { return weighted_sum(counted<M::stages - 1>, M::a[M::stages - 1], stage, i); }
   // What the stage before the last one, also at the step's end, adds to the start.
-  static auto nearest_of(const auto* stage, int i) {
+  static auto nearest_of(const auto& stage, int i) {
     return weighted_sum(counted<M::stages - 2>, M::a[M::stages - 2], stage, i);
   }
-  static auto error_of(const auto* stage, int i) { return weighted_sum(counted<M::in_error>, M::error, stage, i); }
-  static auto coarse_of(const auto* stage, int i) { return weighted_sum(counted<M::stages - 1>, M::coarse, stage, i); }
-  static auto bow_of(const auto* stage, int i) { return weighted_sum(counted<M::stages>, M::bow, stage, i); }
+  static auto error_of(const auto& stage, int i) { return weighted_sum(counted<M::in_error>, M::error, stage, i); }
+  static auto coarse_of(const auto& stage, int i) { return weighted_sum(counted<M::stages - 1>, M::coarse, stage, i); }
+  static auto bow_of(const auto& stage, int i) { return weighted_sum(counted<M::stages>, M::bow, stage, i); }
 };
 
 // Weights of what comes behind stage s of a step: of the stages after it, of the row at the step's end, and of the embedded

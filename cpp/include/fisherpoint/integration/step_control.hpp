@@ -116,7 +116,7 @@ inline constexpr double most_wished = 1.3;
 
 // From this try on it is watched whether stability limits the steps: sooner where implicit steps cost little more than explicit
 // ones, as unknowns are eliminated in an order of their own (elimination_order.hpp).
-inline constexpr int watched_from = 40, watched_from_with_order = 8;
+inline constexpr int watched_from = 40, watched_from_with_order = 0;
 
 // A pair's steps are limited by stability where the step times the fastest rate is above its bound in so many steps, among
 // which no more than the second number in a row are not.

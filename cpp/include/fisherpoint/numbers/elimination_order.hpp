@@ -17,6 +17,7 @@ class EliminationOrder {
     int row;
     int first;                 // where its numbers are: the diagonal, then its row, then its column
     std::vector<int> behind;   // places in the order of the others
+    std::vector<int> rows;     // of the matrix, which they were
     std::vector<int> targets;  // of its column times its row, column by row: where that is subtracted
   };
 
@@ -33,7 +34,7 @@ class EliminationOrder {
         if (!done[i] && (least < 0 || beside[i].size() < beside[least].size())) least = i;
       done[least] = true;
       place_[least] = at;
-      pivots.push_back({least, numbers, {}, {}});
+      pivots.push_back({least, numbers, {}, {}, {}});
       behind.emplace_back(beside[least].begin(), beside[least].end());
       const std::size_t m = behind.back().size();
       numbers += 1 + 2 * static_cast<int>(m);
@@ -47,6 +48,7 @@ class EliminationOrder {
     for (int at = 0; at < n; ++at) {
       for (const int row : behind[at]) pivots[at].behind.push_back(place_[row]);
       std::sort(pivots[at].behind.begin(), pivots[at].behind.end());
+      for (const int place : pivots[at].behind) pivots[at].rows.push_back(pivots[place].row);
     }
   }
 

@@ -28,13 +28,26 @@ struct FirstPart<Pack<W>> {
 template <int W>
 struct FirstPart<Mask<W>> {
   using type = Mask<native_lanes>;
+  static type get(const Mask<W>& from) {
+    type first;
+    first.part[0] = from.part[0];
+    return first;
+  }
   static void set(Mask<W>& to, const type& value) { to.part[0] = value.part[0]; }
 };
 
-// `from` as Q: all of it, or its first part.
+// Whether T, a number or a mask, is as wide as Q.
+template <class Q, class T>
+inline constexpr bool as_wide_as = std::is_same_v<Q, T>;
+template <>
+inline constexpr bool as_wide_as<double, bool> = true;
+template <int W>
+inline constexpr bool as_wide_as<Pack<W>, Mask<W>> = true;
+
+// `from` as wide as Q: all of it, or its first part.
 template <class Q, class T>
 decltype(auto) read_as(const T& from) {
-  if constexpr (std::is_same_v<Q, T>)
+  if constexpr (as_wide_as<Q, T>)
     return (from);
   else
     return FirstPart<T>::get(from);
@@ -47,10 +60,34 @@ void write_as(T& to, const Q& value) {
     FirstPart<T>::set(to, value);
 }
 
+// The states of a stage, and the stages, read as Q.
+template <class Q, class State>
+struct StatesAs {
+  const State& states;
+  decltype(auto) operator[](int i) const { return read_as<Q>(states[i]); }
+};
+template <class Q, class State>
+struct StagesAs {
+  const State* stages;
+  StatesAs<Q, State> operator[](int s) const { return {stages[s]}; }
+};
+
 // Whether the first part has as many lanes as are in use.
 template <class P>
 constexpr bool first_part_suffices(int used) {
   return used <= lanes_of<typename FirstPart<P>::type>::width;
+}
+
+template <class T>
+struct As {};
+
+// work(As<Q>{}) with Q the numbers of an equation, or the first part of them where that is all that is in use.
+template <class Equation>
+void on_lanes_in_use(const Equation& f, auto&& work) {
+  using P = typename Equation::Number;
+  if constexpr (!requires { typename std::bool_constant<Equation::first_part_alone()>; })
+    if (f.first_part_alone()) return work(As<typename FirstPart<P>::type>{});
+  work(As<P>{});
 }
 
 }  // namespace fisherpoint

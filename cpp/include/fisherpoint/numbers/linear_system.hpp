@@ -32,7 +32,6 @@ class LinearSystem {
     }
     numbers_.resize(order_->numbers);
     given_.resize(order_->numbers);
-    at_.resize(n);
   }
 
   void clear() {
@@ -88,26 +87,22 @@ class LinearSystem {
  private:
   template <class Q>
   void solve_as(T* b) const {
-    for (int k = 0; k < n_; ++k) write_as(at_[k], read_as<Q>(b[order_->pivots[k].row]));
-    for (int k = 0; k < n_; ++k) {
-      const auto& pivot = order_->pivots[k];
-      const int m = static_cast<int>(pivot.behind.size());
+    for (const auto& pivot : order_->pivots) {
+      const int m = static_cast<int>(pivot.rows.size());
       const T* const column = &numbers_[pivot.first] + 1 + m;
-      const auto& known = read_as<Q>(at_[k]);
+      const auto& known = read_as<Q>(b[pivot.row]);
       for (int i = 0; i < m; ++i) {
-        T& other = at_[pivot.behind[i]];
+        T& other = b[pivot.rows[i]];
         write_as(other, detail::less_product(read_as<Q>(other), read_as<Q>(column[i]), known));
       }
     }
-    for (int k = n_; k-- > 0;) {
-      const auto& pivot = order_->pivots[k];
-      const T* const row = &numbers_[pivot.first];
-      Q sum = read_as<Q>(at_[k]);
-      for (int i = 0, m = static_cast<int>(pivot.behind.size()); i < m; ++i)
-        sum = detail::less_product(sum, read_as<Q>(row[1 + i]), read_as<Q>(at_[pivot.behind[i]]));
-      write_as(at_[k], detail::product(sum, read_as<Q>(row[0])));
+    for (auto pivot = order_->pivots.rbegin(); pivot != order_->pivots.rend(); ++pivot) {
+      const T* const row = &numbers_[pivot->first];
+      Q sum = read_as<Q>(b[pivot->row]);
+      for (int i = 0, m = static_cast<int>(pivot->rows.size()); i < m; ++i)
+        sum = detail::less_product(sum, read_as<Q>(row[1 + i]), read_as<Q>(b[pivot->rows[i]]));
+      write_as(b[pivot->row], detail::product(sum, read_as<Q>(row[0])));
     }
-    for (int k = 0; k < n_; ++k) write_as(b[order_->pivots[k].row], read_as<Q>(at_[k]));
   }
 
   template <class Q>
@@ -166,7 +161,7 @@ class LinearSystem {
       const int m = static_cast<int>(pivot.behind.size());
       (*full_)(pivot.row, pivot.row) = given_[pivot.first];
       for (int k = 0; k < m; ++k) {
-        const int other = order_->pivots[pivot.behind[k]].row;
+        const int other = pivot.rows[k];
         (*full_)(pivot.row, other) = given_[pivot.first + 1 + k];
         (*full_)(other, pivot.row) = given_[pivot.first + 1 + m + k];
       }
@@ -179,7 +174,7 @@ class LinearSystem {
   const EliminationOrder* order_;
   std::optional<Elimination<T>> full_;
   ShelfVector<T> given_, numbers_;  // entries; once factorised L and U, with the reciprocals of U's diagonal
-  mutable ShelfVector<T> at_, of_weak_;
+  mutable ShelfVector<T> of_weak_;
   Mask weak_ = lanes_of<P>::none();
   bool any_weak_ = false;
 };
