@@ -115,7 +115,7 @@ class RunSearch:
         self._other_ends: list[ReachedRuns] = []
         self.classical: dict[str, ReachedRuns] = {}
         self._found: list[ReachedRuns] = []
-        self._costly = self._hurried = False
+        self._hurried = False
         self._longest_trial = 0.0
         most = tuning.most_pool_segments // (region.segments * len(plants))
         wanted = max(4 * n_runs, 20, min(settings.n_candidates, most))
@@ -229,8 +229,8 @@ class RunSearch:
         self._hurried = self._raced < self.n_starts
         if self._hurried:
             objective.looks = 1
-        self._costly = self.clock.costly("tangents", self.tuning.costly_runs * len(objective.plants))
-        if self._costly:  # what follows may take all of the time
+        costly = self.clock.costly("tangents", self.tuning.costly_runs * len(objective.plants))
+        if costly:  # what follows may take all of the time
             with self.clock.pause():
                 z = self.pool.chosen(self.n_runs, self._rng)
                 easy = self._tried(z, self._chosen_samples(z)).feasible
