@@ -16,7 +16,6 @@
 #include "fisherpoint/integration/radau.hpp"
 #include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/numbers/eigenvalues.hpp"
-#include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
 #include "fisherpoint/numbers/linear_system.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
@@ -95,17 +94,15 @@ class ImplicitStep {
              const P& sharper = P(1.0)) {
     step_ = select(lanes, step, P(0.0));
     linearise_start(lanes, y, side);
-    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
-      set_up_real<Q>(start_);
-      set_up_complex<Q>(start_);
-    });
+    set_up_real(start_);
+    complex_.clear();
+    for (const int place : diagonal_) complex_.at(place) = {P(Radau::part_re), P(Radau::part_im)};
+    for (std::size_t e = 0; e < entries_.size(); ++e) complex_.at(entries_[e].place).re += coupling(start_, e);
     real_.factorise();
     complex_.factorise();
-    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
-      begin_iteration<Q>();
-      iterate<Q>(lanes, y, side, weight, sharper * sharper);
-      for (int i = 0; i < n_; ++i) write_as(f_y_of(i), read_as<Q>(step_) * f_.inverse_scale(i) * read_as<Q>(rate[i]));
-    });
+    begin_iteration();
+    iterate(lanes, y, side, weight, sharper * sharper);
+    for (int i = 0; i < n_; ++i) f_y_of(i) = step_ * f_.inverse_scale(i) * rate[i];
     return solved_;
   }
 
@@ -115,19 +112,16 @@ class ImplicitStep {
   // The embedded error, squared and summed over the states; once more behind f at y plus the error, where it is large in
   // these lanes, in which f and y may not fit each other.
   P squared_error(const Mask& afresh, const State& y, const Side& side, double weight) {
-    P sum(0.0);
-    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
-      for (int i = 0; i < n_; ++i) write_as(right_[i], read_as<Q>(f_y_of(i)) + of_stages<Q>(Radau::error, i));
-      real_.solve(right_.data());
-      write_as(sum, squared<Q>(right_));
-    });
+    for (int i = 0; i < n_; ++i) right_[i] = f_y_of(i) + of_stages(Radau::error, i);
+    real_.solve(right_.data());
+    P sum = squared(right_);
     const Mask again = afresh & (weight * sum > P(1.0));
     if (!any(again)) return sum;
     for (int i = 0; i < n_; ++i) at_[i] = y[i] + scale(i) * right_[i];
     f_.derivative(at_, side, rate_);
-    for (int i = 0; i < n_; ++i) right_[i] = step_ * f_.inverse_scale(i) * rate_[i] + of_stages<P>(Radau::error, i);
+    for (int i = 0; i < n_; ++i) right_[i] = step_ * f_.inverse_scale(i) * rate_[i] + of_stages(Radau::error, i);
     real_.solve(right_.data());
-    return select(again, squared<P>(right_), sum);
+    return select(again, squared(right_), sum);
   }
 
   // Of these lanes those with a mode that grows too fast for the step at its start, from where the rates are `rate`; directly
@@ -141,54 +135,42 @@ class ImplicitStep {
     end_.x = y;
     end_.side = side;
     f_.jacobian(y, side, end_.f_x.data());
-    on_lanes_in_use(f_, [&]<class Q>(As<Q>) { set_up_real<Q>(end_); });
+    set_up_real(end_);
     real_.factorise();
     f_.derivative(y, side, rate_);
-    P off(0.0);
-    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
-      for (int i = 0; i < n_; ++i) {
-        const Q apart = read_as<Q>(step_) * (read_as<Q>(rate_[i]) - slope<Q>(i, 1.0));
-        write_as(right_[i], f_.inverse_scale(i) * apart);
-      }
-      real_.solve(right_.data());
-      write_as(off, squared<Q>(right_));
-    });
-    return (lanes & !(weight * off <= P(most_off))) |
+    for (int i = 0; i < n_; ++i) right_[i] = f_.inverse_scale(i) * (step_ * (rate_[i] - slope(i, 1.0)));
+    real_.solve(right_.data());
+    return (lanes & !(weight * squared(right_) <= P(most_off))) |
            outgrown(lanes, end_, [&](int i) { return abs(z_[0][i]) + abs(z_[1][i]) + abs(z_[2][i]); });
   }
 
   // Of the cubic through the stages: what it adds to y at a share of the step, and its slope there.
-  template <class Q = P>
-  Q change(int i, double share) const {
-    Q sum(0.0);
+  P change(int i, double share) const {
+    P sum(0.0);
     for (int r = 0; r < Radau::stages; ++r) {
       const auto& q = Radau::cubic[r];
-      sum += (share * (q[0] + share * (q[1] + share * q[2]))) * read_as<Q>(z_[r][i]);
+      sum += (share * (q[0] + share * (q[1] + share * q[2]))) * z_[r][i];
     }
     return scale(i) * sum;
   }
-  template <class Q = P>
-  Q slope(int i, double share) const {
-    Q sum(0.0);
+  P slope(int i, double share) const {
+    P sum(0.0);
     for (int r = 0; r < Radau::stages; ++r) {
       const auto& q = Radau::cubic[r];
-      sum += (q[0] + share * (2 * q[1] + share * (3 * q[2]))) * read_as<Q>(z_[r][i]);
+      sum += (q[0] + share * (2 * q[1] + share * (3 * q[2]))) * z_[r][i];
     }
-    return scale(i) * sum / read_as<Q>(step_);
+    return scale(i) * sum / step_;
   }
   P increment(int stage, int i) const { return scale(i) * z_[stage][i]; }
 
   // The step was taken in these lanes: the next one's iteration begins with its cubic.
   void keep(const Mask& taken) {
-    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
-      const auto by_lane = read_as<Q>(taken);
-      for (int i = 0; i < n_; ++i)
-        for (int j = 0; j < Radau::stages; ++j) {
-          Q q(0.0);
-          for (int r = 0; r < Radau::stages; ++r) q += Radau::cubic[r][j] * read_as<Q>(z_[r][i]);
-          write_as(cubic_[j][i], select(by_lane, q, read_as<Q>(cubic_[j][i])));
-        }
-    });
+    for (int i = 0; i < n_; ++i)
+      for (int j = 0; j < Radau::stages; ++j) {
+        P q(0.0);
+        for (int r = 0; r < Radau::stages; ++r) q += Radau::cubic[r][j] * z_[r][i];
+        cubic_[j][i] = select(taken, q, cubic_[j][i]);
+      }
     last_step_ = select(taken, step_, last_step_);
   }
   // What was kept does not go on.
@@ -201,15 +183,8 @@ class ImplicitStep {
   double scale(int i) const { return 1.0 / f_.inverse_scale(i); }
   P& f_y_of(int i) { return f_z_[0][i]; }
 
-  template <class Q>
-  Q of_stages(const std::array<double, 3>& weights, int i) const {
-    return sum<Q>(weights, z_, i);
-  }
-  // Each product but one is rounded with the sum, in whatever the call stands: a lane has the same bits in any part of a pack.
-  template <class Q>
-  static Q sum(const std::array<double, 3>& weights, const Increments& of, int i) {
-    const Q first = weights[0] * read_as<Q>(of[0][i]);
-    return fused(Q(weights[2]), read_as<Q>(of[2][i]), fused(Q(weights[1]), read_as<Q>(of[1][i]), first));
+  P of_stages(const std::array<double, 3>& weights, int i) const {
+    return weights[0] * z_[0][i] + weights[1] * z_[1][i] + weights[2] * z_[2][i];
   }
 
   // f_x somewhere.
@@ -219,28 +194,13 @@ class ImplicitStep {
     ShelfVector<P> f_x;  // entries
   };
   // -h f_x, in units of the scales.
-  template <class Q = P>
-  Q coupling(const Linearised& at, std::size_t e) const {
-    const double scales = f_.inverse_scale(entries_[e].row) * scale(entries_[e].column);
-    return -(read_as<Q>(step_) * read_as<Q>(at.f_x[e]) * scales);
+  P coupling(const Linearised& at, std::size_t e) const {
+    return -(step_ * at.f_x[e] * (f_.inverse_scale(entries_[e].row) * scale(entries_[e].column)));
   }
-  template <class Q>
   void set_up_real(const Linearised& at) {
     real_.clear();
     for (const int place : diagonal_) real_.at(place) = P(Radau::real);
-    for (std::size_t e = 0; e < entries_.size(); ++e) {
-      P& entry = real_.at(entries_[e].place);
-      write_as(entry, read_as<Q>(entry) + coupling<Q>(at, e));
-    }
-  }
-  template <class Q>
-  void set_up_complex(const Linearised& at) {
-    complex_.clear();
-    for (const int place : diagonal_) complex_.at(place) = {P(Radau::part_re), P(Radau::part_im)};
-    for (std::size_t e = 0; e < entries_.size(); ++e) {
-      P& entry = complex_.at(entries_[e].place).re;
-      write_as(entry, read_as<Q>(entry) + coupling<Q>(at, e));
-    }
+    for (std::size_t e = 0; e < entries_.size(); ++e) real_.at(entries_[e].place) += coupling(at, e);
   }
   Mask is_at(const Linearised& place, const State& x, const Side& side) const {
     Mask same = !Lanes::none();
@@ -296,81 +256,70 @@ class ImplicitStep {
     return outgrown;
   }
 
-  template <class Q>
-  static Q squared(const ShelfVector<P>& values) {
-    Q sum(0.0);
-    for (const P& value : values) sum += read_as<Q>(value) * read_as<Q>(value);
+  static P squared(const ShelfVector<P>& values) {
+    P sum(0.0);
+    for (const P& value : values) sum += value * value;
     return sum;
   }
 
   // Where there is a last step near enough its cubic goes on; elsewhere the state rests.
-  template <class Q>
   void begin_iteration() {
-    const P all = step_ / last_step_;
-    const auto known = read_as<Q>((last_step_ > P(0.0)) & (all <= P(farthest)));
-    const Q ratio = read_as<Q>(all);
+    const P ratio = step_ / last_step_;
+    const Mask known = (last_step_ > P(0.0)) & (ratio <= P(farthest));
     for (int r = 0; r < Radau::stages; ++r) {
-      const Q s = 1.0 + Radau::c[r] * ratio, s2 = s * s, s3 = s2 * s;
-      for (int i = 0; i < n_; ++i) {
-        const Q first = (s - 1.0) * read_as<Q>(cubic_[0][i]);
-        const Q ahead = fused(s3 - 1.0, read_as<Q>(cubic_[2][i]), fused(s2 - 1.0, read_as<Q>(cubic_[1][i]), first));
-        write_as(z_[r][i], select(known, ahead, Q(0.0)));
-      }
+      const P s = 1.0 + Radau::c[r] * ratio, s2 = s * s, s3 = s2 * s;
+      for (int i = 0; i < n_; ++i)
+        z_[r][i] = select(known, (s - 1.0) * cubic_[0][i] + (s2 - 1.0) * cubic_[1][i] + (s3 - 1.0) * cubic_[2][i], P(0.0));
     }
-    for (int i = 0; i < n_; ++i) to<Q>(w_, Radau::to_w, z_, i);
+    for (int i = 0; i < n_; ++i) to(w_, Radau::to_w, z_, i);
   }
 
-  template <class Q>
   static void to(Increments& out, const std::array<std::array<double, 3>, 3>& matrix, const Increments& in, int i) {
-    for (int r = 0; r < Radau::stages; ++r) write_as(out[r][i], sum<Q>(matrix[r], in, i));
+    for (int r = 0; r < Radau::stages; ++r)
+      out[r][i] = matrix[r][0] * in[0][i] + matrix[r][1] * in[1][i] + matrix[r][2] * in[2][i];
   }
 
-  template <class Q>
   [[gnu::noinline]] void iterate(const Mask& lanes, const State& y, const Side& side, double weight, const P& sharper) {
-    using SomeLanes = lanes_of<Q>;
-    const Q floor = read_as<Q>((1e-30 * weight) * (f_.squared_size(y) + P(1.0)) * sharper);  // of rounding
-    const Q step = read_as<Q>(step_), sharp = read_as<Q>(sharper);
-    auto iterates = read_as<Q>(lanes), solved = SomeLanes::none(), unknown = SomeLanes::none();
-    Q last(0.0);
+    const P floor = (1e-30 * weight) * (f_.squared_size(y) + P(1.0)) * sharper;  // of rounding
+    Mask iterates = lanes;
+    solved_ = unknown_ = Lanes::none();
+    P last(0.0);
     for (int k = 0; k < most_iterations && any(iterates); ++k) {
       for (int r = 0; r < Radau::stages; ++r) {
-        for (int i = 0; i < n_; ++i) write_as(at_[i], read_as<Q>(y[i]) + scale(i) * read_as<Q>(z_[r][i]));
+        for (int i = 0; i < n_; ++i) at_[i] = y[i] + scale(i) * z_[r][i];
         f_.derivative(at_, side, rate_);
-        for (int i = 0; i < n_; ++i) write_as(f_z_[r][i], step * f_.inverse_scale(i) * read_as<Q>(rate_[i]));
+        for (int i = 0; i < n_; ++i) f_z_[r][i] = step_ * f_.inverse_scale(i) * rate_[i];
       }
       for (int i = 0; i < n_; ++i) {
-        const auto of_rates = [&](int r) { return sum<Q>(Radau::to_w[r], f_z_, i); };
-        const Q &w0 = read_as<Q>(w_[0][i]), &w1 = read_as<Q>(w_[1][i]), &w2 = read_as<Q>(w_[2][i]);
-        write_as(right_[i], of_rates(0) - Radau::real * w0);
-        const Q re(Radau::part_re), im(Radau::part_im);
-        write_as(right_complex_[i].re, of_rates(1) - fused(-im, w2, re * w1));
-        write_as(right_complex_[i].im, of_rates(2) - fused(im, w1, re * w2));
+        const auto of_rates = [&](int r) {
+          const auto& t = Radau::to_w[r];
+          return t[0] * f_z_[0][i] + t[1] * f_z_[1][i] + t[2] * f_z_[2][i];
+        };
+        right_[i] = of_rates(0) - Radau::real * w_[0][i];
+        right_complex_[i] = {of_rates(1) - (Radau::part_re * w_[1][i] - Radau::part_im * w_[2][i]),
+                             of_rates(2) - (Radau::part_re * w_[2][i] + Radau::part_im * w_[1][i])};
       }
       real_.solve(right_.data());
       complex_.solve(right_complex_.data());
-      Q size(0.0);
+      P size(0.0);
       for (int i = 0; i < n_; ++i) {
-        const Q &a = read_as<Q>(right_[i]), &re = read_as<Q>(right_complex_[i].re), &im = read_as<Q>(right_complex_[i].im);
-        size += fused(im, im, fused(re, re, a * a));
-        const auto add = [&](P& w, const Q& more) { write_as(w, select(iterates, read_as<Q>(w) + more, read_as<Q>(w))); };
-        add(w_[0][i], a);
-        add(w_[1][i], re);
-        add(w_[2][i], im);
-        to<Q>(z_, Radau::to_z, w_, i);
+        const auto& c = right_complex_[i];
+        size += right_[i] * right_[i] + c.re * c.re + c.im * c.im;
+        w_[0][i] = select(iterates, w_[0][i] + right_[i], w_[0][i]);
+        w_[1][i] = select(iterates, w_[1][i] + c.re, w_[1][i]);
+        w_[2][i] = select(iterates, w_[2][i] + c.im, w_[2][i]);
+        to(z_, Radau::to_z, w_, i);
       }
-      size *= weight * sharp;
-      unknown = unknown | (iterates & !(size < Q(1e300)));
+      size *= weight * sharper;
+      unknown_ = unknown_ | (iterates & !(size < P(1e300)));
       // The iteration shrinks what is left by about the same factor every time.
-      const Q factor = sqrt(size / last);
-      const auto small = k > 0 ? (factor < Q(1.0)) & (factor * sqrt(size) <= most_left * (1.0 - factor)) : SomeLanes::none();
-      const auto done = iterates & ((size <= floor) | small);
-      solved = solved | done;
-      iterates = iterates & !done & !unknown & (k > 0 ? factor < Q(1.0) : !SomeLanes::none());
+      const P factor = sqrt(size / last);
+      const Mask small = k > 0 ? (factor < P(1.0)) & (factor * sqrt(size) <= most_left * (1.0 - factor)) : Lanes::none();
+      const Mask done = iterates & ((size <= floor) | small);
+      solved_ = solved_ | done;
+      iterates = iterates & !done & !unknown_ & (k > 0 ? factor < P(1.0) : !Lanes::none());
       last = size;
     }
-    solved_ = unknown_ = Lanes::none();
-    write_as(solved_, solved);
-    write_as(unknown_, unknown);
   }
 
   const Equation& f_;

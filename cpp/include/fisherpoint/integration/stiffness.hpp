@@ -31,15 +31,11 @@ void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middl
   const P error = squared_weight() * step.squared_error(rejected_ | (time_ <= P(0.0)), y, side_, weight_);
   State start;
   fit(start, f_.states);
-  on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
-    const auto implicit = read_as<Q>(implicit_);
-    const auto put = [&](P& to, const Q& value) { write_as(to, select(implicit, value, read_as<Q>(to))); };
-    for_each_index(f_.states, [&](auto i) {
-      put(end_[i], read_as<Q>(y[i]) + step.template change<Q>(i, 1.0));
-      put(middle[i], read_as<Q>(y[i]) + step.template change<Q>(i, 0.5));
-      put(stage_[last()][i], step.template slope<Q>(i, 1.0));
-      write_as(start[i], step.template slope<Q>(i, 0.0));
-    });
+  for_each_index(f_.states, [&](auto i) {
+    end_[i] = select(implicit_, y[i] + step.change(i, 1.0), end_[i]);
+    middle[i] = select(implicit_, y[i] + step.change(i, 0.5), middle[i]);
+    stage_[last()][i] = select(implicit_, step.slope(i, 1.0), stage_[last()][i]);
+    start[i] = step.slope(i, 0.0);
   });
   const Mask ends = implicit_ & !fails & (error <= P(1.0));
   if (any(ends)) fails = fails | step.lost(ends, end_, side_, weight_);
