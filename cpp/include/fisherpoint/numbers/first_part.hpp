@@ -28,26 +28,13 @@ struct FirstPart<Pack<W>> {
 template <int W>
 struct FirstPart<Mask<W>> {
   using type = Mask<native_lanes>;
-  static type get(const Mask<W>& from) {
-    type first;
-    first.part[0] = from.part[0];
-    return first;
-  }
   static void set(Mask<W>& to, const type& value) { to.part[0] = value.part[0]; }
 };
 
-// Whether T, a number or a mask, is as wide as Q.
-template <class Q, class T>
-inline constexpr bool as_wide_as = std::is_same_v<Q, T>;
-template <>
-inline constexpr bool as_wide_as<double, bool> = true;
-template <int W>
-inline constexpr bool as_wide_as<Pack<W>, Mask<W>> = true;
-
-// `from` as wide as Q: all of it, or its first part.
+// `from` as Q: all of it, or its first part.
 template <class Q, class T>
 decltype(auto) read_as(const T& from) {
-  if constexpr (as_wide_as<Q, T>)
+  if constexpr (std::is_same_v<Q, T>)
     return (from);
   else
     return FirstPart<T>::get(from);
