@@ -49,7 +49,7 @@ def evaluate(frame: Frame, file: File, points: Points) -> int:
         from fisherpoint.design.results.report import evaluation_report
         from fisherpoint.design.runs import run_picture_list as run_plots
         from fisherpoint.points.outside_region import few, outside
-        from fisherpoint.points.runs import as_runs
+        from fisherpoint.points.points_or_runs import as_runs
 
         from .dry_run import about, points_row, size_of
         from .heartbeat import alive
@@ -140,7 +140,7 @@ def simulate(
         from fisherpoint.basics.files import write_whole
         from fisherpoint.design.file.configuration import ConfigError
         from fisherpoint.design.results.report import simulation_report
-        from fisherpoint.points.runs import as_runs
+        from fisherpoint.points.points_or_runs import as_runs
 
         from .dry_run import about, points_row, show_plan, size_of
         from .heartbeat import alive

@@ -10,8 +10,9 @@ import pytest
 import fisherpoint as fp
 from conftest import random_points
 from defaults import MODEL, NAMES, PRIOR
+from fisherpoint.information.identifiability_domain import default_region
 from fisherpoint.information.null_space import column_scaled_svd, pivots, reduced_basis
-from fisherpoint.information.sensitivity_stack import _agree, default_region
+from fisherpoint.information.sensitivity_stack import _agree
 
 TANKS = ["-k1*sqrt(h1) + k4*u", "k2*sqrt(h1) - k3*sqrt(h2)"]
 WEIR = ["-k1*sqrt(h1) + k4*u - k5*max(h1 - level, 0)", "k2*sqrt(h1) - k3*sqrt(h2) + k5*max(h1 - level, 0)"]

@@ -14,7 +14,7 @@ from ..design.results.settings import ExchangeSettings, RunSettings
 from ..design.runs.design_runs import design_runs
 from ..information.problem import DesignProblem
 from ..information.run_information import checked_problem
-from ..points.runs import Points
+from ..points.points_or_runs import Points
 from ..show.numbers import percent
 
 Settings: TypeAlias = ExchangeSettings | RunSettings

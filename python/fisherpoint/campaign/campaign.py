@@ -23,7 +23,7 @@ from ..estimation.precision import quantile
 from ..information.problem import DesignProblem
 from ..information.problem_report import problem_sections
 from ..information.run_information import checked_problem
-from ..points.runs import Points, as_runs
+from ..points.points_or_runs import Points, as_runs
 from ..points.settings import resolve_threads
 from ..show.display import Plots, Shown
 from ..show.progress import Progress

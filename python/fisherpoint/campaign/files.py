@@ -24,9 +24,9 @@ from ..engine.versions import versions
 from ..information.problem import DesignProblem
 from ..models import Model
 from ..points.experiments import points_csv
+from ..points.points_or_runs import Points, as_runs
 from ..points.region import ExperimentRegion
 from ..points.run_files import plan_csv, runs_csv
-from ..points.runs import Points, as_runs
 from .state import CampaignState
 
 NAME = "campaign.json"

@@ -14,7 +14,7 @@ from ..basics.stop_reason import StopReason
 from ..basics.values import FrozenMapping, relative_errors
 from ..data import Measurements
 from ..information.problem import DesignProblem
-from ..points.runs import Points
+from ..points.points_or_runs import Points
 from .batches import Settings, search_of
 
 

@@ -29,6 +29,7 @@ from ..basics.table import DataTable
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
 from ..points.experiments import BOOKKEEPING, Experiments, columns_of
+from ..points.points_or_runs import Points, as_runs
 from ..points.run_files import (
     MEASURED,
     REST,
@@ -45,7 +46,7 @@ from ..points.run_files import (
     runs_of_table,
     time_name,
 )
-from ..points.runs import Points, Runs, as_runs
+from ..points.runs import Runs
 from ..points.status import Status
 from .labels import label_columns, labels_of_table
 from .plausibility import refuse_implausible

@@ -15,7 +15,8 @@ from ..basics.files import write_whole
 from ..basics.table import as_table
 from ..basics.values import Array
 from ..models import Model
-from ..points.runs import Points, Runs, as_flat, as_runs, joined
+from ..points.points_or_runs import Points, as_flat, as_runs, joined
+from ..points.runs import Runs
 from ..show.numbers import counted
 from ..show.section import Report
 from ..show.table_preview import InNotebooks, beside, first_rows, numbered

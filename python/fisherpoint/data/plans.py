@@ -14,8 +14,9 @@ from ..basics.table import DataTable
 from ..basics.values import FrozenMapping
 from ..models import Model
 from ..points.experiments import Experiments
+from ..points.points_or_runs import Points, as_runs
 from ..points.run_files import RUN, SEGMENT
-from ..points.runs import Points, Runs, as_runs
+from ..points.runs import Runs
 from .labels import label_columns, labels_of_table
 from .measurement_files import column_names
 from .measurements import Measurements

@@ -16,8 +16,8 @@ from ..models import Model
 from ..noise.draws import memories, readings
 from ..noise.models import NoiseOf, as_noise_or_zero, checked_noise
 from ..noise.sensors import Sensors
+from ..points.points_or_runs import Points, as_runs
 from ..points.rest_starts import checked_starts
-from ..points.runs import Points, as_runs
 from ..points.schedule import inputs_before
 from ..points.settings import check_rtol
 from ..points.simulate import simulate

@@ -7,7 +7,8 @@ import warnings
 from ..basics.checks import check_flag, check_type
 from ..basics.values import Array
 from ..basics.work_clock import Clock
-from ..points.runs import Points, Runs, as_runs
+from ..points.points_or_runs import Points, as_runs
+from ..points.runs import Runs
 from .evaluation import Evaluation, evaluate_information
 from .output_covariance import OutputCovariance, needs_covariances
 from .output_covariance import output_covariance as d_of

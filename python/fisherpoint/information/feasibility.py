@@ -18,8 +18,9 @@ from ..basics.result_files import Kept
 from ..basics.values import Array, FrozenMapping, IntArray
 from ..basics.work_clock import Clock
 from ..points.broken_limits import checked_broken_limits
+from ..points.points_or_runs import Points, as_runs
 from ..points.run_trajectories import checked_run_trajectories
-from ..points.runs import Points, Runs, as_runs
+from ..points.runs import Runs
 from ..points.settings import Integration, checked_arguments
 from ..points.status import Status
 from ..show.display import Plots, Shown

@@ -23,8 +23,9 @@ from ..prior.gaussian import GaussianPrior
 from ..show.display import Plots, Shown
 from ..show.section import Report, Section
 from .combinations import changes_of, describe
+from .identifiability_domain import default_region, draw_theta
 from .null_space import column_scaled_svd, pivots, reduced_basis
-from .sensitivity_stack import Sampler, Stack, default_region, draw_theta
+from .sensitivity_stack import Sampler, Stack
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

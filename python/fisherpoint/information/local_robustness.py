@@ -18,7 +18,7 @@ import numpy as np
 from ..basics.field_checks import Extents
 from ..basics.values import Array, FrozenMapping, IntArray
 from ..basics.work_clock import Clock, OutOfTime
-from ..points.runs import as_runs
+from ..points.points_or_runs import as_runs
 from ..points.status import Status
 from ..show.numbers import computed
 from .null_space import column_scaled_svd, without_rounding

@@ -14,9 +14,10 @@ from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..points.broken_limits import refuse_failures
 from ..points.experiments import Experiments
+from ..points.points_or_runs import Points, joined
 from ..points.predictive import PredictiveCovariance, covariance_over_nodes, linearized, nodes_of
 from ..points.run_trajectories import checked_sensitivities
-from ..points.runs import Points, Runs, joined
+from ..points.runs import Runs
 from ..points.settings import checked_arguments
 from ..points.status import Status, only_finite
 from ..prior.gaussian import GaussianPrior

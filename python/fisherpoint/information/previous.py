@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ..basics.values import FrozenMapping
 from ..data.measured_outputs import runs_with_outputs
 from ..points.experiments import Experiments
+from ..points.points_or_runs import Points, as_runs, points_of
 from ..points.rest_starts import start_points
-from ..points.runs import Points, Runs, as_runs, points_of
+from ..points.runs import Runs
 from ..points.settings import on_surface
 from ..points.status import Status, failures_of
 from .other_groups import without_other_groups

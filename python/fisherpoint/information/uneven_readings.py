@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..basics.values import Array
 from ..noise.sensors import Sensors
-from ..points.runs import as_runs
+from ..points.points_or_runs import as_runs
 from ..prior.rules.sobol import standard_normal
 from .nuisance import marginal_rows
 from .output_covariance import OutputCovariance, whitened

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..basics.checks import check_type
 from ..basics.values import Array, IntArray
 from ..models import Model
+from .points_or_runs import Points, as_runs
 from .run_trajectories import plain_trajectories
-from .runs import Points, Runs, as_runs
+from .runs import Runs
 from .schedule import has_schedule, scheduled_runs
 from .settings import Integration, checked_arguments
 from .status import NoTrajectory, Status

@@ -11,9 +11,9 @@ from ..basics.messages import shown
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
+from .points_or_runs import Points, as_runs
 from .region import ExperimentRegion
 from .run_region import RunRegion
-from .runs import Points, as_runs
 
 ROUNDING = 1e-9
 """Share of a bound, or of the width, by which a number from a file may be beyond it."""

@@ -13,8 +13,8 @@ from ..basics.values import Array
 from ..engine.workers import cores
 from ..models import Model
 from .experiments import Experiments
+from .points_or_runs import Points, as_runs
 from .rest_starts import checked_starts
-from .runs import Points, as_runs
 from .schedule import scheduled_runs
 
 MAX_THREADS = 4096

@@ -14,8 +14,9 @@ from ..basics.messages import stacklevel_of_user
 from ..basics.values import Array, IntArray
 from ..models import Model
 from .natural_sizes import warn_of_small_states
+from .points_or_runs import Points, as_runs
 from .run_trajectories import checked_run_sensitivities, checked_run_trajectories
-from .runs import Points, Runs, as_runs
+from .runs import Runs
 from .settings import Integration, checked_arguments
 from .status import Status
 from .trajectories import Sensitivities, Trajectories, counted_statuses

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..basics.field_checks import Extents
 from ..basics.values import Array, FrozenMapping
-from ..points.runs import Points, as_runs
+from ..points.points_or_runs import Points, as_runs
 from ..show.numbers import computed, counted, with_error
 from ..show.section import Report, Section
 from ..show.table_preview import InNotebooks

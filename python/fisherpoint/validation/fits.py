@@ -32,7 +32,7 @@ from ..information.run_information import information_of
 from ..information.uneven_readings import covariance_over, draws, past_row
 from ..noise.models import NoiseOf, outputs_of
 from ..noise.sensors import Sensors
-from ..points.runs import Points, as_runs
+from ..points.points_or_runs import Points, as_runs
 from ..points.status import Status
 from .figures import LEVEL
 from .fit_accuracy import EXACT, accuracy_of

@@ -22,7 +22,7 @@ from ..noise.draws import memories, readings
 from ..noise.models import NoiseOf
 from ..noise.sensors import Sensors
 from ..points.parameter_checks import sensible
-from ..points.runs import Points, as_runs
+from ..points.points_or_runs import Points, as_runs
 from ..points.simulate import simulate
 from ..points.status import Status
 

@@ -18,7 +18,7 @@ from ..information.problem import DesignProblem
 from ..models import Model
 from ..noise.models import NoiseOf, checked_noise
 from ..noise.sensors import Sensors
-from ..points.runs import Points
+from ..points.points_or_runs import Points
 from ..points.settings import check_threads
 from ..points.status import NoTrajectory
 from ..show.progress import Progress, check_progress, following

@@ -20,10 +20,23 @@
 #include <type_traits>
 
 #include "fisherpoint/models/dependence.hpp"
+#include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/pack.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
+
+// The states of a stage, and the stages, read as Q (first_part.hpp).
+template <class Q, class State>
+struct StatesAs {
+  const State& states;
+  decltype(auto) operator[](int i) const { return read_as<Q>(states[i]); }
+};
+template <class Q, class State>
+struct StagesAs {
+  const State* stages;
+  StatesAs<Q, State> operator[](int s) const { return {stages[s]}; }
+};
 
 // start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed. Where n is no Count
 // the sum is a loop, over one vector of a pack at a time, so that it stays in its register.

@@ -114,9 +114,9 @@ inline constexpr double smooth_growth = 4.0;
 // cos(20 x) one in a thousand was off by more than a hundred tolerances without; with it, fewer steps are tried.
 inline constexpr double most_wished = 1.3;
 
-// From this try on it is watched whether stability limits the steps: from the first one where implicit steps cost little more
-// than explicit ones, as unknowns are eliminated in an order of their own (elimination_order.hpp).
-inline constexpr int watched_from = 40, watched_from_with_order = 0;
+// From this try on it is watched whether stability limits the steps: but from the first one where implicit steps cost little
+// more than explicit ones, as unknowns are eliminated in an order of their own (elimination_order.hpp).
+inline constexpr int watched_from = 40;
 
 // A pair's steps are limited by stability where the step times the fastest rate is above its bound in so many steps, among
 // which no more than the third number in a row are not.

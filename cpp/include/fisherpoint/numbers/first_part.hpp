@@ -47,24 +47,13 @@ void write_as(T& to, const Q& value) {
     FirstPart<T>::set(to, value);
 }
 
-// The states of a stage, and the stages, read as Q.
-template <class Q, class State>
-struct StatesAs {
-  const State& states;
-  decltype(auto) operator[](int i) const { return read_as<Q>(states[i]); }
-};
-template <class Q, class State>
-struct StagesAs {
-  const State* stages;
-  StatesAs<Q, State> operator[](int s) const { return {stages[s]}; }
-};
-
 // Whether the first part has as many lanes as are in use.
 template <class P>
 constexpr bool first_part_suffices(int used) {
   return used <= lanes_of<typename FirstPart<P>::type>::width;
 }
 
+// A type, as an argument.
 template <class T>
 struct As {};
 

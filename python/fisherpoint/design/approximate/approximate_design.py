@@ -18,7 +18,7 @@ from ...basics.values import Array
 from ...information.previous import HasPoints
 from ...information.problem_report import problem_sections
 from ...points.experiments import Experiments
-from ...points.runs import as_runs, points_of
+from ...points.points_or_runs import as_runs, points_of
 from ...show.display import Plots, Shown
 from ...show.section import Report, Section
 from ..candidates.candidate_rows import CandidateRows

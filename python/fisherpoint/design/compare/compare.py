@@ -20,7 +20,7 @@ from ...information.evaluate import evaluate
 from ...information.feasibility import Feasibility, feasibility
 from ...information.problem import DesignProblem
 from ...information.problem_report import problem_sections
-from ...points.runs import Points, as_runs, points_of
+from ...points.points_or_runs import Points, as_runs, points_of
 from ...points.settings import check_threads
 from ...points.status import NoTrajectory
 from ...show.display import Plots, Shown

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...basics.files import read_bytes
 from ...basics.toml_reader import read_toml
-from ...information.sensitivity_stack import default_region
+from ...information.identifiability_domain import default_region
 from ...models import Model
 from ...models.toml_to_model import load_model
 from ...points.region import ExperimentRegion

@@ -16,7 +16,7 @@ from ...data.measurements import Measurements
 from ...information.candidates import CandidateSource
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
-from ...points.runs import Points
+from ...points.points_or_runs import Points
 from ...show.progress import Progress, check_progress, following
 from ..goal.criteria import Criterion
 from ..goal.goal import Goal, goal_of

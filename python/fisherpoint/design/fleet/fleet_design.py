@@ -28,8 +28,8 @@ from ...information.local import RECORD, RUN
 from ...information.problem import DesignProblem
 from ...information.problem_report import local_in_words, problem_sections
 from ...points.experiments import columns_of
+from ...points.points_or_runs import Points, as_runs, joined
 from ...points.run_files import plan_csv, runs_csv
-from ...points.runs import Points, as_runs, joined
 from ...show.display import Plots, Shown
 from ...show.numbers import counted, percent
 from ...show.section import Report, Section

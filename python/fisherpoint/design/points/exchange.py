@@ -27,8 +27,8 @@ from ...information.point_information import PointInformation, with_covariance
 from ...information.previous import Previous, previous_information
 from ...information.problem import DesignProblem
 from ...points.experiments import Experiments
+from ...points.points_or_runs import as_runs, points_of
 from ...points.region import ExperimentRegion
-from ...points.runs import as_runs, points_of
 from ...points.settings import check_threads, resolve_threads
 from ...points.status import Status, failures_of
 from ...show.progress import Progress, check_progress, following
