@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 
+from .tape.fusion import depth_first
 from .tape.program import TABLE, Program
 from .tape.programs import Programs
 
@@ -77,6 +78,8 @@ class _Straight:
         setup = _operations("setup", program.setup.tolist(), values)
         stage = _operations("stage", program.stage.tolist(), values)
         outputs = [values[register] for register in program.outputs.tolist()]
+        # What is computed shortly before it is read can stay in a register.
+        stage = list(depth_first({operation.result: operation for operation in stage}, outputs).values())
         self.packs = len(outputs)
 
         read = {operand for operation in stage for operand in operation.operands}

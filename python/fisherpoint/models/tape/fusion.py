@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 from .graph import STAGE, Graph
+
+
+class _HasOperands(Protocol):
+    @property
+    def operands(self) -> Sequence[Any]: ...
+
+
+Value = TypeVar("Value", bound=Hashable)
+Step = TypeVar("Step", bound=_HasOperands)
 
 
 @dataclass(frozen=True)
@@ -26,9 +36,9 @@ def steps_of(graph: Graph, results: Sequence[int]) -> dict[int, FusedOperation]:
     }
     _share_divisions(graph, steps)
     _absorb_signs(graph, steps)
-    steps = _alive(graph, steps, results)
+    steps = depth_first(steps, results)
     _fuse(graph, steps, results)
-    return _alive(graph, steps, results)
+    return depth_first(steps, results)
 
 
 def _share_divisions(graph: Graph, steps: dict[int, FusedOperation]) -> None:
@@ -89,20 +99,20 @@ def _with_product(graph: Graph, step: FusedOperation, product: int, factors: Fus
     return None
 
 
-def _alive(graph: Graph, steps: dict[int, FusedOperation], results: Sequence[int]) -> dict[int, FusedOperation]:
+def depth_first(steps: Mapping[Value, Step], results: Iterable[Value]) -> dict[Value, Step]:
     """Only the steps that results need, in an order in which operands come first, by depth first search from the results."""
-    ordered: dict[int, FusedOperation] = {}
+    ordered: dict[Value, Step] = {}
     for result in results:
-        open_nodes = [result]
-        while open_nodes:
-            node = open_nodes[-1]
-            if node in ordered or node not in steps:
-                open_nodes.pop()
+        open_values = [result]
+        while open_values:
+            value = open_values[-1]
+            if value in ordered or value not in steps:
+                open_values.pop()
                 continue
-            missing = [operand for operand in steps[node].operands if operand in steps and operand not in ordered]
+            missing = [operand for operand in steps[value].operands if operand in steps and operand not in ordered]
             if missing:
-                open_nodes += reversed(missing)
+                open_values += reversed(missing)
             else:
-                ordered[node] = steps[node]
-                open_nodes.pop()
+                ordered[value] = steps[value]
+                open_values.pop()
     return ordered
