@@ -54,10 +54,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   const Dependence<TapeModel>& dependence;
   bool first_part_alone() const { return first_part_alone_; }
 
-  void derivative(const State& x, const Side& side, State& dx) const {
-    rates_.run(x, side);
-    for (int i = 0; i < states; ++i) dx[i] = rates_.output(i);
-  }
+  void derivative(const State& x, const Side& side, State& dx) const { rates_.run(x, side, dx); }
   int slopes() const { return static_cast<int>(model_.state_entries().size()); }
   std::pair<int, int> slope(int e) const { return {model_.state_entries()[e].row, model_.state_entries()[e].variable}; }
   const EliminationOrder* order() const { return model_.order(); }

@@ -1,6 +1,8 @@
 // Carries out the lists of operations of a tape (tape.hpp).
 #pragma once
 
+#include <utility>
+
 #include "fisherpoint/models/tape.hpp"
 #include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/functions.hpp"
@@ -55,6 +57,16 @@ class Machine {
     if (!straight_)
       for (const P** place = side_; place != dx_; ++place) *place = &side[place - side_];
     run(x);
+  }
+  // The first outputs go to `out`, which is neither x nor side: what is computed for it alone is written there at once.
+  void run(const Array& x, const Array& side, Array& out) {
+    const int n = static_cast<int>(out.size());
+    if (in_place_.size() == 0) find_in_place(n);
+    for (int i = 0; i < n; ++i)
+      if (in_place_[i]) at_[program_.outputs[i]] = &out[i];
+    run(x, side);
+    for (int i = 0; i < n; ++i)
+      if (!in_place_[i]) out[i] = output(i);
   }
   void run_along(const Array& x, const Array& dx) {
     leaves_.dx = numbers_of(dx);
@@ -169,6 +181,16 @@ class Machine {
     }
   }
 
+  // Which of the first n outputs are made by operations of every stage, into a register that no output before them has.
+  void find_in_place(int n) {
+    HeapArray<bool> made(program_.registers);
+    made.fill(false);
+    if (!straight_)
+      for (const Instruction& instruction : program_.stage) made[instruction.out] = true;
+    in_place_ = HeapArray<bool>(n);
+    for (int i = 0; i < n; ++i) in_place_[i] = std::exchange(made[program_.outputs[i]], false);
+  }
+
   // Whether functions are for such packs, and for the level at which this is compiled.
   static bool fits(const FisherpointProgram* straight) {
     return straight && straight->lanes == lanes_of<P>::width && straight->register_bytes == register_bytes;
@@ -188,6 +210,7 @@ class Machine {
   Array own_;                    // literals and what is computed
   HeapArray<const P*> at_;       // where every register is
   const P **x_, **side_, **dx_;  // where these leaves are told
+  HeapArray<bool> in_place_;     // of outputs, once there is a place for them
 };
 
 }  // namespace fisherpoint

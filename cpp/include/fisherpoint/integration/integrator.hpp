@@ -68,6 +68,7 @@ class Integrator {
         landing_(0.1 * std::sqrt(tolerance.relative)) {
     for (int s = 0; s < method_.stages; ++s) fit(stage_[s], f_.states);
     fit(end_, f_.states);
+    fit(nearest_, f_.states);
     fit(side_, f_.sides);
     fit(landed_, f_.sides);
     fit(leaving_, f_.sides);
@@ -124,13 +125,15 @@ class Integrator {
   // Tries one step of every running lane: the end, its error, and the surfaces at the middle and the end.
   FISHERPOINT_HOT void attempt(const State& y, const P& duration) {
     const P remaining = duration - time_, wanted = min(step_size_, cap_);
-    ends_ = remaining <= wanted * (1.0 + 1e-9);
+    const P longest = f_.order() ? min(last_stretch_with_order * step_size_, cap_) : wanted;
+    ends_ = remaining <= longest * (1.0 + 1e-9);
     step_ = select(running_, select(ends_, remaining, wanted), P(0.0));
     State middle;
     fit(middle, f_.states);
     if (!any_stiff_ || any(running_ & !choose_implicit())) attempt_explicit(y, middle);
     if (any_stiff_ && any(implicit_)) attempt_implicit(y, middle);
-    Surfaces middle_value = f_.surface_values(middle, side_);
+    Surfaces middle_value;
+    if (f_.surfaces > 0) middle_value = f_.surface_values(middle, side_);
     end_value_ = f_.surface_values(end_, side_);
     end_rate_ = f_.surface_rates(end_, stage_[last()], side_);
     if (f_.measured > 0) judge_measured(y);
@@ -173,52 +176,15 @@ class Integrator {
   // Of what must be positive where g is measured: limits.hpp.
   [[gnu::noinline]] void judge_measured(const State& y);
 
-  // The stages, the end and the middle of a step, and its error.
-  void attempt_explicit(const State& y, State& middle) {
-    State error, coarser;
-    fit(error, f_.states);
-    fit(coarser, f_.states);
-    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
-      find_stages<Q>(y);
-      judge_stages<Q>(y, middle, error, coarser);
-    });
-    const P embedded = squared_weight() * f_.squared_size(error), coarse = f_.squared_size(coarser);
-    squared_error_ = method_.squared_error(embedded, squared_weight() * coarse);
-    const P size = f_.squared_size(y) + f_.squared_size(end_) + 1e-300;
-    const P least = (least_error * least_error) * squared_weight() * coarse * coarse / size;
-    squared_error_ = select(least > squared_error_, least, squared_error_);  // which stays NaN where it is
-    told_error_ = squared_error_;
-    // Behind a kink f may rise like t^1.5, where the embedded error is that of the step itself, however large the coarse one.
-    if (f_.kinks_end > 0) squared_error_ = select(behind_kink_ & (embedded > squared_error_), embedded, squared_error_);
-  }
+  // An explicit step: explicit_step.hpp.
+  struct Squares {
+    P error{0.0}, coarse{0.0}, size{0.0};
+  };
+  void attempt_explicit(const State& y, State& middle);
   template <class Q>
-  void find_stages(const State& y) {
-    const bool slide = f_.holds_end > 0 && slide_;
-    const Side at = slide ? beside<P>(f_, side_, 1.0) : side_;
-    const StagesAs<Q, State> stage{stage_};
-    const auto& step = read_as<Q>(step_);
-    for_each_index(last(), [&](auto previous) {
-      const auto s = after(previous);
-      for_each_index(f_.states,
-                     [&](auto i) { write_as(end_[i], read_as<Q>(y[i]) + step * weighted_sum(s, method_.a[s], stage, i)); });
-      f_.derivative(end_, at, stage_[s]);
-      if (f_.holds_end > 0 && unforeseen(slide)) this->slide(end_, side_, stage_[s]);
-    });
-  }
-  // The middle of the step, its embedded error, and that of a coarser solution.
+  void find_stages(const State& y);
   template <class Q>
-  void judge_stages(const State& y, State& middle, State& error, State& coarser) {
-    const StagesAs<Q, State> stage{stage_};
-    const auto& step = read_as<Q>(step_);
-    for_each_index(f_.states, [&](auto i) { write_as(error[i], step * method_.error_of(stage, i)); });
-    for_each_index(f_.states, [&](auto i) {
-      write_as(coarser[i], read_as<Q>(end_[i]) - read_as<Q>(y[i]) - step * method_.coarse_of(stage, i));
-    });
-    for_each_index(f_.states, [&](auto i) {
-      const Q bow = 0.125 * (stage[0][i] - stage[last()][i]) + method_.bow_of(stage, i);
-      write_as(middle[i], fused(step, bow, 0.5 * (read_as<Q>(y[i]) + read_as<Q>(end_[i]))));
-    });
-  }
+  void judge_stages(const State& y, State& middle, Squares& squares) const;
 
   // Decides about the tried step, takes it where it is good, and chooses the next one: step_decision.hpp.
   FISHERPOINT_HOT void control(State& y, const P& duration);
@@ -241,7 +207,7 @@ class Integrator {
   [[gnu::noinline]] Mask choose_implicit();
   [[gnu::noinline]] void attempt_implicit(const State& y, State& middle);
   P implicit_wish() const;
-  [[gnu::noinline]] void watch_stiffness(const Mask& taken, const State& y);
+  [[gnu::noinline]] void watch_stiffness(const Mask& taken);
   [[gnu::noinline]] void set_stiff(const Mask& lanes);
 
   // How it ends: limits.hpp.
@@ -392,6 +358,7 @@ class Integrator {
   P told_error_;            // what it tells about the next one
   Mask behind_kink_;        // it begins where f is not smooth
   State stage_[Method::most_stages], end_;
+  State nearest_;  // where the stage before the last one was, in time at the end too
   Surfaces end_value_, end_rate_;
   // Of every surface along the step, positive on its own side; and where the step ends next to a kink.
   Retyped<Surfaces, Quartic<P>> along_;
@@ -433,6 +400,7 @@ auto Integrator<Equation, Method>::run(State& y, const P& duration, const P& fir
 }  // namespace fisherpoint
 
 #include "fisherpoint/integration/balance.hpp"
+#include "fisherpoint/integration/explicit_step.hpp"
 #include "fisherpoint/integration/holds.hpp"
 #include "fisherpoint/integration/jumps.hpp"
 #include "fisherpoint/integration/limits.hpp"

@@ -63,6 +63,34 @@ auto weighted_sum(N n, const std::array<double, size>& weights, const auto& stag
   return weighted_sum(Count<1>{}, n, weights[0] * stage[0][i], weights, stage, i);
 }
 
+// work(sum) with sum(i) the weighted sum of entry i of the first n stages. Where n is no Count, the stages that have a weight
+// are found once for all i, and their number decides once between sums that are unrolled.
+template <class N, std::size_t size, class Q, class State>
+void with_weighted_sum(N n, const std::array<double, size>& weights, const StagesAs<Q, State>& stage, auto&& work) {
+#if !defined(FISHERPOINT_SANITIZED)
+  if constexpr (std::is_same_v<N, int>) {
+    std::array<double, size> weight;
+    std::array<decltype(stage.stages->data()), size> states;
+    int count = 0;
+    for (int r = 0; r < n; ++r) {
+      if (weights[r] == 0) continue;
+      weight[count] = weights[r];
+      states[count++] = stage.stages[r].data();
+    }
+    for_each_index<static_cast<int>(size)>([&](auto before) {
+      if (count != before + 1) return;
+      work([&](int i) {
+        Q sum = weight[0] * read_as<Q>(states[0][i]);
+        for_each_index<before>([&](auto t) { sum = fused(Q(weight[t + 1]), read_as<Q>(states[t + 1][i]), sum); });
+        return sum;
+      });
+    });
+    return;
+  }
+#endif
+  work([&](auto i) { return weighted_sum(n, weights, stage, i); });
+}
+
 // sums[i] += the weighted sum of the first n stages, for all variables i of a set. The bits are those of `weighted_sum`, but a
 // weight is loaded once for all variables, and not once for each.
 template <class N, std::size_t size, class State>
@@ -90,10 +118,6 @@ struct StageSums {
   static constexpr N<n> counted = Count<n>{};
 
   static auto end_of(const auto& stage, int i) { return weighted_sum(counted<M::stages - 1>, M::a[M::stages - 1], stage, i); }
-  // What the stage before the last one, also at the step's end, adds to the start.
-  static auto nearest_of(const auto& stage, int i) {
-    return weighted_sum(counted<M::stages - 2>, M::a[M::stages - 2], stage, i);
-  }
   static auto error_of(const auto& stage, int i) { return weighted_sum(counted<M::in_error>, M::error, stage, i); }
   static auto coarse_of(const auto& stage, int i) { return weighted_sum(counted<M::stages - 1>, M::coarse, stage, i); }
   static auto bow_of(const auto& stage, int i) { return weighted_sum(counted<M::stages>, M::bow, stage, i); }

@@ -112,8 +112,9 @@ auto Integrator<Equation, Method>::starting_step(const State& y) -> P {
   // The formula does not know the unit of time: in fast models it is many time constants, at one of which the error's
   // estimate vanishes.
   const P constant = most_constants * sqrt(slope / (bend + 1e-300));
-  const P step = min(constant, method_.inverse_root(1e4 * max(slope, bend) * max(slope, bend) + 1e-300));
-  return select(step > P(0.0), min(100.0 * probe, step), probe);
+  const P fastest = max(slope, bend);
+  const P step = min(constant, method_.inverse_root(1e4 * fastest * (f_.order() ? P(1.0) : fastest) + 1e-300));
+  return select(step > P(0.0), min((f_.order() ? most_probes_with_order : most_probes) * probe, step), probe);
 }
 
 }  // namespace fisherpoint

@@ -119,8 +119,8 @@ inline constexpr double most_wished = 1.3;
 inline constexpr int watched_from = 40;
 
 // A pair's steps are limited by stability where the step times the fastest rate is above its bound in so many steps, among
-// which no more than the third number in a row are not.
-inline constexpr int stiff_signs = 15, stiff_signs_with_order = 3, most_others = 6;
+// which no more than the third number in a row are not. With an order, a try that fails behind such a step counts too.
+inline constexpr int stiff_signs = 15, stiff_signs_with_order = 2, most_others = 6;
 
 // From this try on it is watched whether the solution is far slower than the model's fastest rate: by how much.
 inline constexpr int slowness_watched_from = 400;
@@ -135,5 +135,12 @@ inline constexpr double most_implicit_wished = 2.5;
 
 // Of a model's time constant, as it is seen at the start, the longest first step.
 inline constexpr double most_constants = 1.5;
+
+// And of the time in which states change by a hundredth, those at zero by a hundredth of a thousandth of their scales. Many
+// states at rest are no such measure.
+inline constexpr double most_probes = 1e2, most_probes_with_order = 1e4;
+
+// What is left is done in one step if it is longer than the next one by no more than this: the error would be allowed.
+inline constexpr double last_stretch_with_order = 1.1;
 
 }  // namespace fisherpoint

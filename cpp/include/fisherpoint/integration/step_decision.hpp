@@ -163,7 +163,7 @@ void Integrator<Equation, Method>::control(State& y, const P& duration) {
 
   if (unforeseen(samples_ != nullptr)) sample(taken, tried, y);
   if (any_stiff_) implicit_step_->keep(taken & implicit_);
-  if ((f_.order() || outcome_.attempts > watched_from) && tolerance_.method == MethodName::fastest) watch_stiffness(taken, y);
+  if ((f_.order() || outcome_.attempts > watched_from) && tolerance_.method == MethodName::fastest) watch_stiffness(taken);
   const P growth = steps_ ? growth_of_distance() : zero;
   behind_kink_ = behind_kink_ & !taken;
   time_ = select(taken, time_ + step_, time_);

@@ -29,18 +29,21 @@ void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middl
   const Mask solved = step.solve(implicit_, y, stage_[0], step_, side_, weight_, sharper);
   Mask fails = step.outgrown(implicit_, stage_[0]) | (implicit_ & !solved);
   const P error = squared_weight() * step.squared_error(rejected_ | (time_ <= P(0.0)), y, side_, weight_);
-  State start;
-  fit(start, f_.states);
   for_each_index(f_.states, [&](auto i) {
     end_[i] = select(implicit_, y[i] + step.change(i, 1.0), end_[i]);
-    middle[i] = select(implicit_, y[i] + step.change(i, 0.5), middle[i]);
     stage_[last()][i] = select(implicit_, step.slope(i, 1.0), stage_[last()][i]);
-    start[i] = step.slope(i, 0.0);
   });
   const Mask ends = implicit_ & !fails & (error <= P(1.0));
   if (any(ends)) fails = fails | step.lost(ends, end_, side_, weight_);
   const P unsolved = select(step.unknown(), P(infinity), P(unsolved_error));
   squared_error_ = select(implicit_, select(fails, unsolved, error), squared_error_);
+  if (f_.surfaces == 0) return;
+  State start;
+  fit(start, f_.states);
+  for_each_index(f_.states, [&](auto i) {
+    middle[i] = select(implicit_, y[i] + step.change(i, 0.5), middle[i]);
+    start[i] = step.slope(i, 0.0);
+  });
   const Surfaces rate = f_.surface_rates(y, start, side_);
   for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(implicit_, rate[m], rate_[m]); });
 }
@@ -57,29 +60,36 @@ auto Integrator<Equation, Method>::implicit_wish() const -> P {
 // stability; or with tight tolerances below it, by what the fast rate makes of slow changes: the step is of the length of the
 // fastest time constant, and f changes by far less over it than it would if the solution itself were so fast.
 template <class Equation, class Method>
-void Integrator<Equation, Method>::watch_stiffness(const Mask& taken, const State& y) {
-  State apart, rates_apart;
-  fit(apart, f_.states);
-  fit(rates_apart, f_.states);
-  const auto nearest = before(last());
-  for_each_index(f_.states, [&](auto i) {
-    apart[i] = end_[i] - y[i] - step_ * method_.nearest_of(stage_, i);
-    rates_apart[i] = step_ * (stage_[last()][i] - stage_[nearest][i]);
-  });
+void Integrator<Equation, Method>::watch_stiffness(const Mask& taken) {
+  const auto squared_distance = [&](const State& a, const State& b) {
+    P sum(0.0);
+    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
+      Q of_lanes(0.0);
+      for_each_index(f_.states, [&](auto i) {
+        const Q relative = (read_as<Q>(a[i]) - read_as<Q>(b[i])) * f_.inverse_scale(i);
+        of_lanes = fused(relative, relative, of_lanes);
+      });
+      write_as(sum, of_lanes);
+    });
+    return sum;
+  };
   const double bound = method_.stability * method_.stability;
-  const P squared_rate = f_.squared_size(rates_apart) / f_.squared_size(apart);  // of the fastest, times the step
+  // Of the fastest, times the step.
+  const P squared_rate =
+      step_ * step_ * squared_distance(stage_[last()], stage_[before(last())]) / squared_distance(end_, nearest_);
   Mask limited = squared_rate > P(bound);
   if (outcome_.attempts > slowness_watched_from) {
-    for_each_index(f_.states, [&](auto i) { apart[i] = stage_[last()][i] - stage_[0][i]; });
     const P most = (slow * slow) * squared_rate * f_.squared_size(stage_[0]);
-    limited = limited | ((squared_rate > P(0.25)) & (f_.squared_size(apart) < most));
+    limited = limited | ((squared_rate > P(0.25)) & (squared_distance(stage_[last()], stage_[0]) < most));
   }
-  const Mask watched = taken & running_ & !stiff_, sign = watched & limited, other = watched & !sign;
+  const Mask watched = taken & running_ & !stiff_, other = watched & !limited;
+  Mask sign = watched & limited;
+  if (f_.order()) sign = sign | (running_ & !stiff_ & !(squared_error_ <= P(1.0)) & limited & (stiff_signs_ > P(0.0)));
   stiff_signs_ += select(sign, P(1.0), P(0.0));
   others_ = select(sign, P(0.0), others_ + select(other, P(1.0), P(0.0)));
   stiff_signs_ = select(others_ >= P(most_others), P(0.0), stiff_signs_);
   const double enough = f_.order() ? stiff_signs_with_order : stiff_signs;
-  const Mask turned = watched & (stiff_signs_ >= P(enough));
+  const Mask turned = sign & (stiff_signs_ >= P(enough));
   if (any(turned)) set_stiff(stiff_ | turned);
 }
 

@@ -34,7 +34,6 @@ struct Tableau {
 
   // What decides a step's error and end is the methods' own, to the last bit.
   auto end_of(const auto& stage, int i) const { return is_54() ? Of54::end_of(stage, i) : Of853::end_of(stage, i); }
-  auto nearest_of(const auto& stage, int i) const { return is_54() ? Of54::nearest_of(stage, i) : Of853::nearest_of(stage, i); }
   auto error_of(const auto& stage, int i) const { return is_54() ? Of54::error_of(stage, i) : Of853::error_of(stage, i); }
   auto coarse_of(const auto& stage, int i) const { return is_54() ? Of54::coarse_of(stage, i) : Of853::coarse_of(stage, i); }
   auto bow_of(const auto& stage, int i) const { return is_54() ? Of54::bow_of(stage, i) : Of853::bow_of(stage, i); }

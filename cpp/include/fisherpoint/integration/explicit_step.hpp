@@ -1,0 +1,74 @@
+// One explicit step of every lane: members of Integrator (integrator.hpp, which includes it at its end). With many states the
+// stages do not fit the first-level cache, so that every reading of them counts: they are read once for each stage behind
+// them, and once for all that tells whether the step is good.
+#pragma once
+
+#include "fisherpoint/integration/sliding.hpp"
+#include "fisherpoint/integration/step_control.hpp"
+
+namespace fisherpoint {
+
+// The stages, the end and the middle of a step, and its error.
+template <class Equation, class Method>
+void Integrator<Equation, Method>::attempt_explicit(const State& y, State& middle) {
+  Squares squares;
+  on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
+    find_stages<Q>(y);
+    judge_stages<Q>(y, middle, squares);
+  });
+  const P embedded = squared_weight() * squares.error, coarse = squares.coarse, size = squares.size + 1e-300;
+  squared_error_ = method_.squared_error(embedded, squared_weight() * coarse);
+  const P least = (least_error * least_error) * squared_weight() * coarse * coarse / size;
+  squared_error_ = select(least > squared_error_, least, squared_error_);  // which stays NaN where it is
+  told_error_ = squared_error_;
+  // Behind a kink f may rise like t^1.5, where the embedded error is that of the step itself, however large the coarse one.
+  if (f_.kinks_end > 0) squared_error_ = select(behind_kink_ & (embedded > squared_error_), embedded, squared_error_);
+}
+
+template <class Equation, class Method>
+template <class Q>
+void Integrator<Equation, Method>::find_stages(const State& y) {
+  const bool slide = f_.holds_end > 0 && slide_;
+  const Side at = slide ? beside<P>(f_, side_, 1.0) : side_;
+  const StagesAs<Q, State> stage{stage_};
+  const auto& step = read_as<Q>(step_);
+  for_each_index(last(), [&](auto previous) {
+    const auto s = after(previous);
+    State& x = s == before(last()) ? nearest_ : end_;
+    with_weighted_sum(s, method_.a[s], stage, [&](const auto& sum) {
+      for_each_index(f_.states, [&](auto i) { write_as(x[i], read_as<Q>(y[i]) + step * sum(i)); });
+    });
+    f_.derivative(x, at, stage_[s]);
+    if (f_.holds_end > 0 && unforeseen(slide)) this->slide(x, side_, stage_[s]);
+  });
+}
+
+// The squares of the step's embedded error, of that of a coarser solution, and of the state at both ends; its middle, where
+// there are surfaces to look at from there.
+template <class Equation, class Method>
+template <class Q>
+void Integrator<Equation, Method>::judge_stages(const State& y, State& middle, Squares& squares) const {
+  const StagesAs<Q, State> stage{stage_};
+  const auto& step = read_as<Q>(step_);
+  Q of_error(0.0), of_coarse(0.0), of_start(0.0), of_end(0.0);
+  for_each_index(f_.states, [&](auto i) {
+    const auto add_square = [&](Q& sum, const Q& value) {
+      const Q relative = value * f_.inverse_scale(i);
+      sum = fused(relative, relative, sum);
+    };
+    const Q start = read_as<Q>(y[i]), end = read_as<Q>(end_[i]);
+    add_square(of_error, step * method_.error_of(stage, i));
+    add_square(of_coarse, end - start - step * method_.coarse_of(stage, i));
+    add_square(of_start, start);
+    add_square(of_end, end);
+    if (f_.surfaces > 0) {
+      const Q bow = 0.125 * (stage[0][i] - stage[last()][i]) + method_.bow_of(stage, i);
+      write_as(middle[i], fused(step, bow, 0.5 * (start + end)));
+    }
+  });
+  write_as(squares.error, of_error);
+  write_as(squares.coarse, of_coarse);
+  write_as(squares.size, Q(of_start + of_end));
+}
+
+}  // namespace fisherpoint
