@@ -76,7 +76,7 @@ TEST_CASE("derivatives of implicit steps are those of their stages, however long
     std::array<double, 2> rate;
     f.derivative(x, {}, rate);
     CHECK(step.solve(true, x, rate, 2.0, {}, 1e24));
-    return std::array{step.change(0, 1.0), step.change(1, 1.0)};
+    return std::array{step.moved(Part(0), x, 0, 1.0), step.moved(Part(0), x, 1, 1.0)};
   };
   const auto up = at(1.7 + d), down = at(1.7 - d);
   const auto taken = oscillate(1);

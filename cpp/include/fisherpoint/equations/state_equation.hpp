@@ -5,6 +5,7 @@
 #include "fisherpoint/models/dependence.hpp"
 #include "fisherpoint/models/shape.hpp"
 #include "fisherpoint/numbers/elimination_order.hpp"
+#include "fisherpoint/numbers/parts.hpp"
 
 namespace fisherpoint {
 
@@ -26,8 +27,8 @@ class StateEquation : public Shape<M> {
   StateEquation(const M& model, const Theta& theta, const Input& u, int = 0)
       : model_(model), theta_(theta), u_(u), dynamics_(model.dynamics(theta_)) {}
 
-  // Whether the first part of packs is all that is in use, and computed (first_part.hpp).
-  static constexpr bool first_part_alone() { return false; }
+  // The first parts of packs that are computed, which have the lanes in use (parts.hpp).
+  static constexpr int parts_in_use() { return PartsOf<P>::count; }
 
   void derivative(const State& x, const Side& side, State& dx) const { dx = to_array<P>(dynamics_(x, u_, side)); }
   // Entries of f_x that may differ from zero: all, row by row.

@@ -42,17 +42,17 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
         model_(model),
         theta_(theta),
         u_(u),
-        first_part_alone_(first_part_suffices<P>(used)),
+        parts_in_use_(fisherpoint::parts_in_use<P>(used)),
         no_sides_(model.shape().sided_limits ? model.shape().sides : 0),
-        rates_(model.programs().rates, model.shape(), theta_, u_, first_part_alone_),
-        output_(model.programs().output, model.shape(), theta_, u_, first_part_alone_),
-        surfaces_(model.programs().surfaces, model.shape(), theta_, u_, first_part_alone_),
-        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_, first_part_alone_) {
+        rates_(model.programs().rates, model.shape(), theta_, u_, parts_in_use_),
+        output_(model.programs().output, model.shape(), theta_, u_, parts_in_use_),
+        surfaces_(model.programs().surfaces, model.shape(), theta_, u_, parts_in_use_),
+        surface_rates_(model.programs().surface_rates, model.shape(), theta_, u_, parts_in_use_) {
     no_sides_.fill(P(0.0));
   }
 
   const Dependence<TapeModel>& dependence;
-  bool first_part_alone() const { return first_part_alone_; }
+  int parts_in_use() const { return parts_in_use_; }
 
   void derivative(const State& x, const Side& side, State& dx) const { rates_.run(x, side, dx); }
   int slopes() const { return static_cast<int>(model_.state_entries().size()); }
@@ -60,7 +60,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   const EliminationOrder* order() const { return model_.order(); }
   const EliminationOrder* stages_order() const { return model_.stages_order(); }
   void jacobian(const State& x, const Side& side, P* entries) const {
-    if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_, first_part_alone_);
+    if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_, parts_in_use_);
     slopes_->run(x, side);
     for (int e = 0; e < slopes(); ++e) entries[e] = slopes_->output(e);
   }
@@ -71,7 +71,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   // Which conditions of resets hold on these sides: positive where they do.
   State reset_conditions(const State& x, const Side& side) const {
-    if (!resets_) resets_.emplace(model_.resets().program, *this, theta_, u_, first_part_alone_);
+    if (!resets_) resets_.emplace(model_.resets().program, *this, theta_, u_, parts_in_use_);
     resets_->run(x, side);
     return outputs_of(*resets_, resets);
   }
@@ -88,7 +88,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   // The states behind the updates that `which` numbers.
   State update(const State& x, const P& which) const {
-    if (!updates_) updates_.emplace(model_.updates().program, *this, theta_, u_, first_part_alone_);
+    if (!updates_) updates_.emplace(model_.updates().program, *this, theta_, u_, parts_in_use_);
     updates_->run(x);
     State after = x;
     int at = 0;
@@ -100,7 +100,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
 
   P squared_size(const State& x) const {
     P sum(0.0);
-    on_lanes_in_use(*this, [&]<class Q>(As<Q>) {
+    on_all_or_first_part(*this, [&]<class Q>(As<Q>) {
       Q of_lanes(0.0);
       for (int i = 0; i < states; ++i) {
         const Q relative = read_as<Q>(x[i]) * model_.inverse_scale(i);
@@ -138,7 +138,7 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   const TapeModel& model_;
   Theta theta_;
   Input u_;
-  bool first_part_alone_;  // of packs has lanes in use
+  int parts_in_use_;  // of packs
   Side no_sides_;
   mutable Machine<P> rates_, output_, surfaces_, surface_rates_;  // each with its own registers: not for two threads
   mutable std::optional<Machine<P>> slopes_, resets_, updates_;
@@ -164,10 +164,10 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
         model_(model),
         theta_(theta),
         u_(u),
-        first_part_alone_(first_part_suffices<P>(used)),
-        rates_(model.programs().rate_jacobian, model.shape(), theta_, u_, first_part_alone_),
-        output_(model.programs().output_jacobian, model.shape(), theta_, u_, first_part_alone_),
-        jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_, first_part_alone_) {}
+        parts_in_use_(fisherpoint::parts_in_use<P>(used)),
+        rates_(model.programs().rate_jacobian, model.shape(), theta_, u_, parts_in_use_),
+        output_(model.programs().output_jacobian, model.shape(), theta_, u_, parts_in_use_),
+        jumps_(model.programs().jump_jacobian, model.shape(), theta_, u_, parts_in_use_) {}
 
   // x and S behind the resets that `which` numbers.
   void reset(const P& which, State& x, Columns<TapeModel, P>& s) const { set_anew(resets_, model_.resets(), which, x, s); }
@@ -175,7 +175,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   void update(const P& which, State& x, Columns<TapeModel, P>& s) const { set_anew(updates_, model_.updates(), which, x, s); }
 
   const Dependence<TapeModel>& dependence;
-  bool first_part_alone() const { return first_part_alone_; }
+  int parts_in_use() const { return parts_in_use_; }
 
   double inverse_scale(int i) const { return model_.inverse_scale(i); }
   const Theta& theta() const { return theta_; }
@@ -234,7 +234,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
  private:
   void set_anew(std::optional<Machine<P>>& machine, const auto& given, const P& which, State& x,
                 Columns<TapeModel, P>& s) const {
-    if (!machine) machine.emplace(given.jacobian, *this, theta_, u_, first_part_alone_);
+    if (!machine) machine.emplace(given.jacobian, *this, theta_, u_, parts_in_use_);
     // What the machine gives may be a state itself, which is about to change.
     const State at_event = x;
     machine->run(at_event);
@@ -268,7 +268,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   const TapeModel& model_;
   Theta theta_;
   Input u_;
-  bool first_part_alone_;  // of packs has lanes in use
+  int parts_in_use_;  // of packs
   mutable Machine<P> rates_, output_, jumps_;
   mutable std::optional<Machine<P>> resets_, updates_;
 };

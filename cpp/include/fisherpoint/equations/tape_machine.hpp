@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "fisherpoint/models/tape.hpp"
-#include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/functions.hpp"
+#include "fisherpoint/numbers/parts.hpp"
 
 namespace fisherpoint {
 
@@ -16,12 +16,12 @@ class Machine {
  public:
   using Array = HeapArray<P>;
 
-  // `theta` and `u` must outlive the machine. After the first run, which gives all lanes values, it may compute the first
-  // part of the packs alone; the others keep theirs.
+  // `theta` and `u` must outlive the machine. After the first run, which gives all lanes values, it computes the first
+  // part of the packs alone where no other is in use; the others keep theirs.
   Machine(const Program& program, const Shape<TapeModel>& shape, const Array& theta, const Array& u,
-          bool first_part_alone = false)
+          int parts_in_use = PartsOf<P>::count)
       : program_(program),
-        first_part_alone_(first_part_alone),
+        parts_in_use_(parts_in_use),
         straight_(fits(program.straight) ? program.straight : nullptr),
         own_(straight_ ? straight_->packs : program.registers - theta.size() - u.size()),
         at_(straight_ ? 0 : program.registers) {
@@ -48,7 +48,7 @@ class Machine {
       return;
     }
     refer(x_, x);
-    if (begun_ && first_part_alone_) return carry_out<typename FirstPart<P>::type>(program_.stage, at_.data());
+    if (begun_ && parts_in_use_ == 1) return carry_out<PartOf<P>>(program_.stage, at_.data());
     carry_out<P>(program_.stage, at_.data());
     begun_ = true;
   }
@@ -204,7 +204,8 @@ class Machine {
   }
 
   const Program& program_;
-  bool first_part_alone_, begun_ = false;
+  int parts_in_use_;
+  bool begun_ = false;
   const FisherpointProgram* straight_;  // its functions, which do the work if there are any
   FisherpointLeaves leaves_{};
   Array own_;                    // literals and what is computed

@@ -73,7 +73,7 @@ class VariationalEquation : public Shape<M> {
   VariationalEquation(const M& model, const Theta& theta, const Input& u, int = 0)
       : model_(model), theta_(theta), u_(u), dynamics_(dynamics_of(model, theta)) {}
 
-  static constexpr bool first_part_alone() { return false; }
+  static constexpr int parts_in_use() { return PartsOf<P>::count; }
   static constexpr double inverse_scale(int i) { return 1.0 / M::states[i].scale; }
   const Theta& theta() const { return theta_; }
 

@@ -10,7 +10,7 @@ void Tangents<M, P, Method>::linearise_parts(const State& at, const Side& side, 
   if constexpr (has_parts) {
     if (!parts_)
       parts_.emplace(method_, f_.dependence.by_state, f_.dependence.by_theta, f_.parameters,
-                     f_.first_part_alone() ? 1 : P::parts);
+                     f_.parts_in_use() == 1 ? 1 : P::parts);
     const bool may_be_still = f_.dependence.any_closed();
     const Mask still = !(abs(step) > P(0.0));
     const auto stage = parts_->stage(s);

@@ -12,7 +12,7 @@ namespace fisherpoint {
 template <class Equation, class Method>
 void Integrator<Equation, Method>::attempt_explicit(const State& y, State& middle) {
   Squares squares;
-  on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
+  on_all_or_first_part(f_, [&]<class Q>(As<Q>) {
     find_stages<Q>(y);
     judge_stages<Q>(y, middle, squares);
   });

@@ -18,6 +18,7 @@
 #include "fisherpoint/numbers/eigenvalues.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
 #include "fisherpoint/numbers/linear_system.hpp"
+#include "fisherpoint/numbers/parts.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
@@ -51,6 +52,7 @@ class ImplicitStep {
   using Mask = typename Lanes::mask;
   using State = typename Equation::State;
   using Side = typename Equation::Side;
+  using OfPart = PartOf<P>;
   using Increments = std::array<ShelfVector<P>, Radau::stages>;
   static constexpr int most_iterations = 10;
   // What is left of the iteration's error, as a share of the tolerance.
@@ -64,17 +66,19 @@ class ImplicitStep {
   explicit ImplicitStep(const Equation& f)
       : f_(f),
         n_(f.states),
-        real_(n_, f.order(), f.first_part_alone()),
-        complex_(n_, f.order(), f.first_part_alone()),
+        real_(n_, f.order(), f.parts_in_use()),
+        complex_(n_, f.order(), f.parts_in_use()),
         right_(n_),
         right_complex_(n_),
         signs_(2 * n_),
         known_(2 * n_, P(1.0)) {
+    at_place_.resize(real_.places());
     for (int e = 0; e < f.slopes(); ++e) {
       const auto [i, k] = f.slope(e);
-      entries_.push_back({i, k, real_.place(i, k)});
+      entries_.push_back({i, k, f.inverse_scale(i) * scale(k)});
+      at_place_[real_.place(i, k)].entry = e;
     }
-    for (int i = 0; i < n_; ++i) diagonal_.push_back(real_.place(i, i));
+    for (int i = 0; i < n_; ++i) at_place_[real_.place(i, i)].diagonal = 1.0;
     for (auto* increments : {&z_, &w_, &f_z_, &cubic_})
       for (auto& values : *increments) values.assign(n_, P(0.0));
     fit(at_, f.states);
@@ -94,15 +98,16 @@ class ImplicitStep {
              const P& sharper = P(1.0)) {
     step_ = select(lanes, step, P(0.0));
     linearise_start(lanes, y, side);
-    set_up_real(start_);
-    complex_.clear();
-    for (const int place : diagonal_) complex_.at(place) = {P(Radau::part_re), P(Radau::part_im)};
-    for (std::size_t e = 0; e < entries_.size(); ++e) complex_.at(entries_[e].place).re += coupling(start_, e);
-    real_.factorise();
-    complex_.factorise();
+    factorise_real(start_);
+    complex_.factorise([&](Part part, int place) {
+      const auto [diagonal, entry] = at_place_[place];
+      const OfPart real(diagonal * Radau::part_re), imaginary(diagonal * Radau::part_im);
+      return PartOf<Complex<P>>{entry < 0 ? real : coupled(part, real, start_, entry), imaginary};
+    });
     begin_iteration();
     iterate(lanes, y, side, weight, sharper * sharper);
-    for (int i = 0; i < n_; ++i) f_y_of(i) = step_ * f_.inverse_scale(i) * rate[i];
+    for (int i = 0; i < n_; ++i)
+      in_parts([&](Part part) { part.set(f_y_of(i), part(step_) * f_.inverse_scale(i) * part(rate[i])); });
     return solved_;
   }
 
@@ -112,14 +117,20 @@ class ImplicitStep {
   // The embedded error, squared and summed over the states; once more behind f at y plus the error, where it is large in
   // these lanes, in which f and y may not fit each other.
   P squared_error(const Mask& afresh, const State& y, const Side& side, double weight) {
-    for (int i = 0; i < n_; ++i) right_[i] = f_y_of(i) + of_stages(Radau::error, i);
+    for (int i = 0; i < n_; ++i)
+      in_parts([&](Part part) { part.set(right_[i], part(f_y_of(i)) + weighted(part, Radau::error, z_, i)); });
     real_.solve(right_.data());
-    P sum = squared(right_);
+    const P sum = squared(right_);
     const Mask again = afresh & (weight * sum > P(1.0));
     if (!any(again)) return sum;
-    for (int i = 0; i < n_; ++i) at_[i] = y[i] + scale(i) * right_[i];
+    for (int i = 0; i < n_; ++i)
+      in_parts([&](Part part) { part.set(at_[i], fused(OfPart(scale(i)), part(right_[i]), part(y[i]))); });
     f_.derivative(at_, side, rate_);
-    for (int i = 0; i < n_; ++i) right_[i] = step_ * f_.inverse_scale(i) * rate_[i] + of_stages(Radau::error, i);
+    for (int i = 0; i < n_; ++i)
+      in_parts([&](Part part) {
+        const OfPart change = part(step_) * f_.inverse_scale(i);
+        part.set(right_[i], fused(change, part(rate_[i]), weighted(part, Radau::error, z_, i)));
+      });
     real_.solve(right_.data());
     return select(again, squared(right_), sum);
   }
@@ -135,42 +146,45 @@ class ImplicitStep {
     end_.x = y;
     end_.side = side;
     f_.jacobian(y, side, end_.f_x.data());
-    set_up_real(end_);
-    real_.factorise();
+    factorise_real(end_);
     f_.derivative(y, side, rate_);
-    for (int i = 0; i < n_; ++i) right_[i] = f_.inverse_scale(i) * (step_ * (rate_[i] - slope(i, 1.0)));
+    for (int i = 0; i < n_; ++i)
+      in_parts([&](Part part) {
+        part.set(right_[i], f_.inverse_scale(i) * (part(step_) * (part(rate_[i]) - slope(part, i, 1.0))));
+      });
     real_.solve(right_.data());
     return (lanes & !(weight * squared(right_) <= P(most_off))) |
            outgrown(lanes, end_, [&](int i) { return abs(z_[0][i]) + abs(z_[1][i]) + abs(z_[2][i]); });
   }
 
-  // Of the cubic through the stages: what it adds to y at a share of the step, and its slope there.
-  P change(int i, double share) const {
-    P sum(0.0);
+  // Of the cubic through the stages, in one part: y with what it adds at a share of the step, and its slope there.
+  OfPart moved(Part part, const State& y, int i, double share) const {
+    std::array<double, 3> weights;
     for (int r = 0; r < Radau::stages; ++r) {
       const auto& q = Radau::cubic[r];
-      sum += (share * (q[0] + share * (q[1] + share * q[2]))) * z_[r][i];
+      weights[r] = share * (q[0] + share * (q[1] + share * q[2]));
     }
-    return scale(i) * sum;
+    return fused(OfPart(scale(i)), weighted(part, weights, z_, i), part(y[i]));
   }
-  P slope(int i, double share) const {
-    P sum(0.0);
+  OfPart slope(Part part, int i, double share) const {
+    std::array<double, 3> weights;
     for (int r = 0; r < Radau::stages; ++r) {
       const auto& q = Radau::cubic[r];
-      sum += (q[0] + share * (2 * q[1] + share * (3 * q[2]))) * z_[r][i];
+      weights[r] = q[0] + share * (2 * q[1] + share * (3 * q[2]));
     }
-    return scale(i) * sum / step_;
+    return scale(i) * weighted(part, weights, z_, i) / part(step_);
   }
   P increment(int stage, int i) const { return scale(i) * z_[stage][i]; }
 
   // The step was taken in these lanes: the next one's iteration begins with its cubic.
   void keep(const Mask& taken) {
     for (int i = 0; i < n_; ++i)
-      for (int j = 0; j < Radau::stages; ++j) {
-        P q(0.0);
-        for (int r = 0; r < Radau::stages; ++r) q += Radau::cubic[r][j] * z_[r][i];
-        cubic_[j][i] = select(taken, q, cubic_[j][i]);
-      }
+      in_parts([&](Part part) {
+        for (int j = 0; j < Radau::stages; ++j) {
+          const std::array<double, 3> weights = {Radau::cubic[0][j], Radau::cubic[1][j], Radau::cubic[2][j]};
+          part.set(cubic_[j][i], select(part(taken), weighted(part, weights, z_, i), part(cubic_[j][i])));
+        }
+      });
     last_step_ = select(taken, step_, last_step_);
   }
   // What was kept does not go on.
@@ -183,8 +197,10 @@ class ImplicitStep {
   double scale(int i) const { return 1.0 / f_.inverse_scale(i); }
   P& f_y_of(int i) { return f_z_[0][i]; }
 
-  P of_stages(const std::array<double, 3>& weights, int i) const {
-    return weights[0] * z_[0][i] + weights[1] * z_[1][i] + weights[2] * z_[2][i];
+  void in_parts(auto&& work) const { for_each_part(f_.parts_in_use(), work); }
+  static OfPart weighted(Part part, const std::array<double, 3>& weights, const Increments& of, int i) {
+    const OfPart first = weights[0] * part(of[0][i]);
+    return fused(OfPart(weights[2]), part(of[2][i]), fused(OfPart(weights[1]), part(of[1][i]), first));
   }
 
   // f_x somewhere.
@@ -193,18 +209,24 @@ class ImplicitStep {
     Side side;
     ShelfVector<P> f_x;  // entries
   };
-  // -h f_x, in units of the scales.
-  P coupling(const Linearised& at, std::size_t e) const {
-    return -(step_ * at.f_x[e] * (f_.inverse_scale(entries_[e].row) * scale(entries_[e].column)));
+  // `from` - h f_x, in units of the scales.
+  OfPart coupled(Part part, const OfPart& from, const Linearised& at, std::size_t e) const {
+    return fused(-(part(step_) * part(at.f_x[e])), OfPart(entries_[e].scales), from);
   }
-  void set_up_real(const Linearised& at) {
-    real_.clear();
-    for (const int place : diagonal_) real_.at(place) = P(Radau::real);
-    for (std::size_t e = 0; e < entries_.size(); ++e) real_.at(entries_[e].place) += coupling(at, e);
+  void factorise_real(const Linearised& at) {
+    real_.factorise([&](Part part, int place) {
+      const auto [diagonal, entry] = at_place_[place];
+      const OfPart real(diagonal * Radau::real);
+      return entry < 0 ? real : coupled(part, real, at, entry);
+    });
   }
   Mask is_at(const Linearised& place, const State& x, const Side& side) const {
     Mask same = !Lanes::none();
-    for (int i = 0; i < n_; ++i) same = same & (x[i] <= place.x[i]) & (x[i] >= place.x[i]);
+    for (int i = 0; i < n_; ++i)
+      in_parts([&](Part part) {
+        const auto now = part(x[i]), then = part(place.x[i]);
+        part.set(same, part(same) & (now <= then) & (now >= then));
+      });
     for (int m = 0; m < f_.sides; ++m) same = same & !(abs(side[m] - place.side[m]) > P(0.0));
     return same;
   }
@@ -214,7 +236,8 @@ class ImplicitStep {
     if (any(lanes & !again & !goes_on)) {
       f_.jacobian(y, side, start_.f_x.data());
     } else if (any(lanes & !again)) {
-      for (std::size_t e = 0; e < entries_.size(); ++e) start_.f_x[e] = select(again, start_.f_x[e], end_.f_x[e]);
+      for (std::size_t e = 0; e < entries_.size(); ++e)
+        in_parts([&](Part part) { part.set(start_.f_x[e], select(part(again), part(start_.f_x[e]), part(end_.f_x[e]))); });
     }
     start_.x = y;
     start_.side = side;
@@ -226,12 +249,14 @@ class ImplicitStep {
     real_.signs(signs_.data());
     std::fill_n(&signs_[n_], n_, P(1.0));
     for (std::size_t e = 0; e < entries_.size(); ++e)
-      if (const auto [i, k, place] = entries_[e]; i == k)
-        signs_[n_ + i] = select(Radau::real + coupling(at, e) < P(0.0), P(-1.0), P(1.0));
+      if (const int i = entries_[e].row; i == entries_[e].column)
+        in_parts([&](Part part) {
+          const auto negative = coupled(part, OfPart(Radau::real), at, e) < OfPart(0.0);
+          part.set(signs_[n_ + i], select(negative, OfPart(-1.0), OfPart(1.0)));
+        });
     Mask unlike = real_.weak();
-    for (int i = 0; i < n_; ++i) {
-      unlike = unlike | (signs_[i] * known_[i] < P(0.0)) | (signs_[n_ + i] * known_[n_ + i] < P(0.0));
-    }
+    for (int i = 0; i < 2 * n_; ++i)
+      in_parts([&](Part part) { part.set(unlike, part(unlike) | (part(signs_[i]) * part(known_[i]) < OfPart(0.0))); });
     unlike = unlike & lanes;
     return any(unlike) ? counted(unlike, at, moved) : unlike;
   }
@@ -244,11 +269,13 @@ class ImplicitStep {
       matrix[i * n_ + i] = P(Radau::real);
     }
     for (std::size_t e = 0; e < entries_.size(); ++e)
-      if (const auto [i, k, place] = entries_[e]; i != k) rests[i] = rests[i] & !(abs(at.f_x[e]) > P(0.0));
+      if (const int i = entries_[e].row; i != entries_[e].column) rests[i] = rests[i] & !(abs(at.f_x[e]) > P(0.0));
     for (const Mask& one : rests) any_rests = any_rests | one;
     for (std::size_t e = 0; e < entries_.size(); ++e) {
       P& entry = matrix[entries_[e].row * n_ + entries_[e].column];
-      entry = select(rests[entries_[e].row], entry, entry + coupling(at, e));
+      in_parts([&](Part part) {
+        part.set(entry, select(part(rests[entries_[e].row]), part(entry), coupled(part, part(entry), at, e)));
+      });
     }
     const Mask outgrown = lanes & (eigenvalues_on_left(matrix, n_) > P(0.5));
     const Mask harmless = lanes & !outgrown & !any_rests;
@@ -256,9 +283,9 @@ class ImplicitStep {
     return outgrown;
   }
 
-  static P squared(const ShelfVector<P>& values) {
+  P squared(const ShelfVector<P>& values) const {
     P sum(0.0);
-    for (const P& value : values) sum += value * value;
+    for (const P& value : values) in_parts([&](Part part) { part.set(sum, fused(part(value), part(value), part(sum))); });
     return sum;
   }
 
@@ -267,16 +294,21 @@ class ImplicitStep {
     const P ratio = step_ / last_step_;
     const Mask known = (last_step_ > P(0.0)) & (ratio <= P(farthest));
     for (int r = 0; r < Radau::stages; ++r) {
-      const P s = 1.0 + Radau::c[r] * ratio, s2 = s * s, s3 = s2 * s;
+      const P s = 1.0 + Radau::c[r] * ratio, s2 = s * s, s3 = in_register(s2 * s);
+      const P of_first = s - 1.0, of_second = s2 - 1.0, of_third = s3 - 1.0;
       for (int i = 0; i < n_; ++i)
-        z_[r][i] = select(known, (s - 1.0) * cubic_[0][i] + (s2 - 1.0) * cubic_[1][i] + (s3 - 1.0) * cubic_[2][i], P(0.0));
+        in_parts([&](Part part) {
+          const OfPart first = part(of_first) * part(cubic_[0][i]);
+          const OfPart two = fused(part(of_second), part(cubic_[1][i]), first);
+          part.set(z_[r][i], select(part(known), fused(part(of_third), part(cubic_[2][i]), two), OfPart(0.0)));
+        });
     }
-    for (int i = 0; i < n_; ++i) to(w_, Radau::to_w, z_, i);
+    for (int i = 0; i < n_; ++i) in_parts([&](Part part) { transform(part, w_, Radau::to_w, z_, i); });
   }
 
-  static void to(Increments& out, const std::array<std::array<double, 3>, 3>& matrix, const Increments& in, int i) {
-    for (int r = 0; r < Radau::stages; ++r)
-      out[r][i] = matrix[r][0] * in[0][i] + matrix[r][1] * in[1][i] + matrix[r][2] * in[2][i];
+  static void transform(Part part, Increments& out, const std::array<std::array<double, 3>, 3>& matrix, const Increments& in,
+                        int i) {
+    for (int r = 0; r < Radau::stages; ++r) part.set(out[r][i], weighted(part, matrix[r], in, i));
   }
 
   [[gnu::noinline]] void iterate(const Mask& lanes, const State& y, const Side& side, double weight, const P& sharper) {
@@ -286,30 +318,26 @@ class ImplicitStep {
     P last(0.0);
     for (int k = 0; k < most_iterations && any(iterates); ++k) {
       for (int r = 0; r < Radau::stages; ++r) {
-        for (int i = 0; i < n_; ++i) at_[i] = y[i] + scale(i) * z_[r][i];
+        for (int i = 0; i < n_; ++i)
+          in_parts([&](Part part) { part.set(at_[i], fused(OfPart(scale(i)), part(z_[r][i]), part(y[i]))); });
         f_.derivative(at_, side, rate_);
-        for (int i = 0; i < n_; ++i) f_z_[r][i] = step_ * f_.inverse_scale(i) * rate_[i];
+        for (int i = 0; i < n_; ++i)
+          in_parts([&](Part part) { part.set(f_z_[r][i], part(step_) * f_.inverse_scale(i) * part(rate_[i])); });
       }
-      for (int i = 0; i < n_; ++i) {
-        const auto of_rates = [&](int r) {
-          const auto& t = Radau::to_w[r];
-          return t[0] * f_z_[0][i] + t[1] * f_z_[1][i] + t[2] * f_z_[2][i];
-        };
-        right_[i] = of_rates(0) - Radau::real * w_[0][i];
-        right_complex_[i] = {of_rates(1) - (Radau::part_re * w_[1][i] - Radau::part_im * w_[2][i]),
-                             of_rates(2) - (Radau::part_re * w_[2][i] + Radau::part_im * w_[1][i])};
-      }
+      for (int i = 0; i < n_; ++i) in_parts([&](Part part) { set_right(part, i); });
       real_.solve(right_.data());
       complex_.solve(right_complex_.data());
       P size(0.0);
-      for (int i = 0; i < n_; ++i) {
-        const auto& c = right_complex_[i];
-        size += right_[i] * right_[i] + c.re * c.re + c.im * c.im;
-        w_[0][i] = select(iterates, w_[0][i] + right_[i], w_[0][i]);
-        w_[1][i] = select(iterates, w_[1][i] + c.re, w_[1][i]);
-        w_[2][i] = select(iterates, w_[2][i] + c.im, w_[2][i]);
-        to(z_, Radau::to_z, w_, i);
-      }
+      for (int i = 0; i < n_; ++i)
+        in_parts([&](Part part) {
+          const OfPart a = part(right_[i]), re = part(right_complex_[i].re), im = part(right_complex_[i].im);
+          part.set(size, part(size) + fused(im, im, fused(re, re, a * a)));
+          const auto add = [&](P& w, const OfPart& more) { part.set(w, select(part(iterates), part(w) + more, part(w))); };
+          add(w_[0][i], a);
+          add(w_[1][i], re);
+          add(w_[2][i], im);
+          transform(part, z_, Radau::to_z, w_, i);
+        });
       size *= weight * sharper;
       unknown_ = unknown_ | (iterates & !(size < P(1e300)));
       // The iteration shrinks what is left by about the same factor every time.
@@ -322,6 +350,15 @@ class ImplicitStep {
     }
   }
 
+  // By how much W is off, as the rates at the stages tell.
+  void set_right(Part part, int i) {
+    const auto of_rates = [&](int r) { return weighted(part, Radau::to_w[r], f_z_, i); };
+    const OfPart real(Radau::real), re(Radau::part_re), im(Radau::part_im);
+    const OfPart w = part(w_[0][i]), u = part(w_[1][i]), v = part(w_[2][i]);
+    part.set(right_[i], fused(-real, w, of_rates(0)));
+    part.set(right_complex_[i], {of_rates(1) - fused(-im, v, re * u), of_rates(2) - fused(im, u, re * v)});
+  }
+
   const Equation& f_;
   int n_;
   P step_{0.0}, last_step_{0.0};
@@ -329,11 +366,16 @@ class ImplicitStep {
   LinearSystem<P> real_;
   LinearSystem<Complex<P>> complex_;
   struct EntryOfSlopes {
-    int row, column, place;  // in both systems
+    int row, column;
+    double scales;  // the rate's over the state's
   };
   std::vector<EntryOfSlopes> entries_;
-  std::vector<int> diagonal_;
-  Linearised start_, end_;  // of the step
+  struct AtPlace {
+    double diagonal = 0.0;  // of the unit matrix
+    int entry = -1;         // of f_x, if there is one
+  };
+  std::vector<AtPlace> at_place_;  // of both systems
+  Linearised start_, end_;         // of the step
   ShelfVector<P> right_;
   ShelfVector<Complex<P>> right_complex_;
   // Of real - h f_x, the signs of its pivots and of its diagonal: here, and where eigenvalues are known to be harmless.

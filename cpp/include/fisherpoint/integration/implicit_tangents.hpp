@@ -27,6 +27,7 @@ class ImplicitTangents {
   static constexpr double too_long = 1e4;  // the squared error of a step whose stages are not found
 
  public:
+  ImplicitTangents(const ImplicitTangents&) = delete;  // it refers to itself
   // All but `tolerance` must outlive the object.
   ImplicitTangents(const Plain& states, const Equation& equation, Tangents<M, P, Method>& tangents, const Tolerance& tolerance)
       : f_(equation),
@@ -35,7 +36,7 @@ class ImplicitTangents {
         states_(states),
         step_(states),
         n_(states.states),
-        system_(stages * n_, states.stages_order(), states.first_part_alone()),
+        system_(stages * n_, states.stages_order(), states.parts_in_use()),
         right_(stages * n_),
         start_(n_),
         column_(n_) {
@@ -44,11 +45,15 @@ class ImplicitTangents {
       driven_.emplace_back();
       for_each_variable(f_.dependence.driven(j), [&](auto i) { driven_.back().push_back(i); });
     });
+    at_place_.resize(system_.places());
     for (int r = 0; r < stages; ++r) {
       for (int i = 0; i < n_; ++i)
-        for (int q = 0; q < stages; ++q) constants_.push_back({system_.place(r * n_ + i, q * n_ + i), Radau::inverse[r][q]});
-      for_each_by_state(jacobian_[r],
-                        [&](int i, int k, const P&) { places_.push_back(system_.place(r * n_ + i, r * n_ + k)); });
+        for (int q = 0; q < stages; ++q) at_place_[system_.place(r * n_ + i, q * n_ + i)].constant = Radau::inverse[r][q];
+      for_each_by_state(jacobian_[r], [&](int i, int k, const P& entry) {
+        AtPlace& here = at_place_[system_.place(r * n_ + i, r * n_ + k)];
+        here.slope = &entry;
+        here.scales = f_.inverse_scale(i) * scale(k);
+      });
     }
     fit(rate_, f_.states);
     fit(at_, f_.states);
@@ -74,8 +79,11 @@ class ImplicitTangents {
       for (int i = 0; i < n_; ++i) at_[i] = to_.x[i] + step_.increment(r, i);
       f_.linearise(at_, side, rate_, jacobian_[r]);
     }
-    set_up(step);
-    system_.factorise();
+    system_.factorise([&](Part part, int place) {
+      const AtPlace& here = at_place_[place];
+      const PartOf<P> constant(here.constant);
+      return here.slope ? fused(-(part(step) * part(*here.slope)), PartOf<P>(here.scales), constant) : constant;
+    });
     for (int j = 0; j < f_.parameters; ++j) advance_column(j, step, moves);
     for (int i = 0; i < n_; ++i) to_.x[i] = select(moves, to_.x[i] + step_.increment(stages - 1, i), to_.x[i]);
     step_.keep(moves);
@@ -99,17 +107,6 @@ class ImplicitTangents {
 
   // The largest of all steps counts, as in step control: what is stiff forgets errors. NaN where any is.
   static void raise(P& largest, const P& squared_error) { largest += max(P(0.0), squared_error - largest); }
-
-  void set_up(const P& step) {
-    system_.clear();
-    for (const auto& [place, value] : constants_) system_.at(place) = P(value);
-    auto place = places_.begin();
-    for (int r = 0; r < stages; ++r)
-      for_each_by_state(jacobian_[r], [&](int i, int k, const P& entry) {
-        P& of_system = system_.at(*place++);
-        of_system = of_system - step * entry * (f_.inverse_scale(i) * scale(k));
-      });
-  }
 
   // h (J s + f_theta) in units of the scales.
   void rates(const Jacobian<M, P>& jacobian, int j, const P& step, P* out) const {
@@ -147,10 +144,14 @@ class ImplicitTangents {
   ImplicitStep<Plain> step_;
   int n_;
   LinearSystem<P> system_;
-  std::vector<std::vector<int>> driven_;           // of every parameter, the states whose rates read it
-  std::vector<std::pair<int, double>> constants_;  // places in the system, and what is there where nothing moves
-  std::vector<int> places_;                        // of the entries of f_x, stage by stage
-  ShelfVector<P> right_, start_, column_;          // three stages of a column's gain, its embedded error, and the column
+  std::vector<std::vector<int>> driven_;  // of every parameter, the states whose rates read it
+  struct AtPlace {
+    double constant = 0.0;  // what is there where nothing moves
+    const P* slope = nullptr;
+    double scales = 0.0;  // of the slope: the rate's over the state's
+  };
+  std::vector<AtPlace> at_place_;          // of the system
+  ShelfVector<P> right_, start_, column_;  // three stages of a column's gain, its embedded error, and the column
   State rate_, at_;
   Side side_;
   Jacobian<M, P> jacobian_[stages + 1];  // of the stages, then of the step's start

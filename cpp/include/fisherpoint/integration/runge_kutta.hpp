@@ -20,13 +20,13 @@
 #include <type_traits>
 
 #include "fisherpoint/models/dependence.hpp"
-#include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/pack.hpp"
+#include "fisherpoint/numbers/parts.hpp"
 #include "fisherpoint/numbers/unroll.hpp"
 
 namespace fisherpoint {
 
-// The states of a stage, and the stages, read as Q (first_part.hpp).
+// The states of a stage, and the stages, read as Q (parts.hpp).
 template <class Q, class State>
 struct StatesAs {
   const State& states;

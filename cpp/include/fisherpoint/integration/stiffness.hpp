@@ -30,8 +30,10 @@ void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middl
   Mask fails = step.outgrown(implicit_, stage_[0]) | (implicit_ & !solved);
   const P error = squared_weight() * step.squared_error(rejected_ | (time_ <= P(0.0)), y, side_, weight_);
   for_each_index(f_.states, [&](auto i) {
-    end_[i] = select(implicit_, y[i] + step.change(i, 1.0), end_[i]);
-    stage_[last()][i] = select(implicit_, step.slope(i, 1.0), stage_[last()][i]);
+    for_each_part(f_.parts_in_use(), [&](Part part) {
+      part.set(end_[i], select(part(implicit_), step.moved(part, y, i, 1.0), part(end_[i])));
+      part.set(stage_[last()][i], select(part(implicit_), step.slope(part, i, 1.0), part(stage_[last()][i])));
+    });
   });
   const Mask ends = implicit_ & !fails & (error <= P(1.0));
   if (any(ends)) fails = fails | step.lost(ends, end_, side_, weight_);
@@ -41,8 +43,10 @@ void Integrator<Equation, Method>::attempt_implicit(const State& y, State& middl
   State start;
   fit(start, f_.states);
   for_each_index(f_.states, [&](auto i) {
-    middle[i] = select(implicit_, y[i] + step.change(i, 0.5), middle[i]);
-    start[i] = step.slope(i, 0.0);
+    for_each_part(f_.parts_in_use(), [&](Part part) {
+      part.set(middle[i], select(part(implicit_), step.moved(part, y, i, 0.5), part(middle[i])));
+      part.set(start[i], step.slope(part, i, 0.0));
+    });
   });
   const Surfaces rate = f_.surface_rates(y, start, side_);
   for_each_index(f_.surfaces, [&](auto m) { rate_[m] = select(implicit_, rate[m], rate_[m]); });
@@ -63,7 +67,7 @@ template <class Equation, class Method>
 void Integrator<Equation, Method>::watch_stiffness(const Mask& taken) {
   const auto squared_distance = [&](const State& a, const State& b) {
     P sum(0.0);
-    on_lanes_in_use(f_, [&]<class Q>(As<Q>) {
+    on_all_or_first_part(f_, [&]<class Q>(As<Q>) {
       Q of_lanes(0.0);
       for_each_index(f_.states, [&](auto i) {
         const Q relative = (read_as<Q>(a[i]) - read_as<Q>(b[i])) * f_.inverse_scale(i);

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "fisherpoint/numbers/first_part.hpp"
 #include "fisherpoint/numbers/pack.hpp"
+#include "fisherpoint/numbers/parts.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
 
 namespace fisherpoint {
@@ -21,12 +21,13 @@ struct Complex {
 };
 
 template <class P>
-struct FirstPart<Complex<P>> {
-  using type = Complex<typename FirstPart<P>::type>;
-  static type get(const Complex<P>& from) { return {FirstPart<P>::get(from.re), FirstPart<P>::get(from.im)}; }
-  static void set(Complex<P>& to, const type& value) {
-    FirstPart<P>::set(to.re, value.re);
-    FirstPart<P>::set(to.im, value.im);
+struct PartsOf<Complex<P>> {
+  using type = Complex<PartOf<P>>;
+  static constexpr int count = PartsOf<P>::count;
+  static type get(const Complex<P>& from, int k) { return {PartsOf<P>::get(from.re, k), PartsOf<P>::get(from.im, k)}; }
+  static void set(Complex<P>& to, int k, const type& value) {
+    PartsOf<P>::set(to.re, k, value.re);
+    PartsOf<P>::set(to.im, k, value.im);
   }
 };
 

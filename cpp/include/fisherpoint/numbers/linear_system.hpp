@@ -3,7 +3,6 @@
 // change places (elimination.hpp).
 #pragma once
 
-#include <algorithm>
 #include <optional>
 
 #include "fisherpoint/numbers/elimination.hpp"
@@ -17,44 +16,38 @@ template <class T>
 class LinearSystem {
   using P = typename detail::NumberOf<T>::type;
   using Mask = mask_of_lanes<P>;
-  using First = typename FirstPart<T>::type;
   // Of the numbers that are added up for an entry, against the largest entry of its row: as many digits are lost.
   static constexpr double most_growth = 1e4;
 
  public:
-  // Without an order, of a full matrix (n, n). The order must outlive the system. In an order, the first part of the packs may
-  // be all that is solved.
-  LinearSystem(int n, const EliminationOrder* order, bool first_part_alone = false)
-      : n_(n), first_part_alone_(first_part_alone), order_(order) {
+  // Without an order, of a full matrix (n, n). The order must outlive the system. In an order, it is solved in the first
+  // `parts` of the packs.
+  LinearSystem(int n, const EliminationOrder* order, int parts = PartsOf<T>::count) : n_(n), parts_(parts), order_(order) {
     if (!order_) {
       full_.emplace(n);
       return;
     }
     numbers_.resize(order_->numbers);
-    given_.resize(order_->numbers);
   }
 
-  void clear() {
-    if (order_)
-      std::fill(given_.begin(), given_.end(), detail::zero<T>());
-    else
-      full_->clear();
-  }
-  // Where an entry of the matrix is, which must be one of the order's, and the entry.
+  // Where an entry of the matrix is among its places, those of an order if there is one.
   int place(int i, int k) const { return order_ ? order_->number(i, k) : i * n_ + k; }
-  T& at(int place) { return order_ ? given_[place] : full_->entries()[place]; }
+  int places() const { return order_ ? order_->numbers : n_ * n_; }
 
-  // Of the matrix as its entries are; they are lost.
-  [[gnu::noinline]] void factorise() {
-    if (!order_) return full_->factorise();
-    numbers_ = given_;
+  // Of the matrix that has entry(part, place) at a place.
+  FISHERPOINT_HOT void factorise(auto&& entry) {
+    if (!order_) {
+      for (int place = 0; place < places(); ++place)
+        for_each_part(PartsOf<T>::count, [&](Part part) { part.set(full_->entries()[place], entry(part, place)); });
+      return full_->factorise();
+    }
+    for (int place = 0; place < places(); ++place)
+      for_each_part(parts_, [&](Part part) { part.set(numbers_[place], entry(part, place)); });
     weak_ = lanes_of<P>::none();
-    if (first_part_alone_)
-      eliminate<First>();
-    else
-      eliminate<T>();
+    find_largest();
+    for (const auto& pivot : order_->pivots) eliminate(pivot);
     any_weak_ = any(weak_);
-    if (any_weak_) fall_back();
+    if (any_weak_) fall_back(entry);
   }
 
   // Of a real matrix that is factorised, the sign of its first k + 1 pivots' product, turned where rows were exchanged; for the
@@ -71,109 +64,111 @@ class LinearSystem {
   const Mask& weak() const { return weak_; }
 
   // b becomes x.
-  [[gnu::noinline]] void solve(T* b) const {
+  FISHERPOINT_HOT void solve(T* b) const {
     if (!order_) return full_->solve(b);
     if (any_weak_) {
       of_weak_.assign(b, b + n_);
       full_->solve(of_weak_.data());
     }
-    if (first_part_alone_)
-      solve_as<First>(b);
-    else
-      solve_as<T>(b);
+    solve_in_order(b);
     for (int i = 0; any_weak_ && i < n_; ++i) b[i] = detail::chosen(weak_, of_weak_[i], b[i]);
   }
 
  private:
-  template <class Q>
-  void solve_as(T* b) const {
+  void solve_in_order(T* b) const {
     for (const auto& pivot : order_->pivots) {
       const int m = static_cast<int>(pivot.rows.size());
       const T* const column = &numbers_[pivot.first] + 1 + m;
-      const auto& known = read_as<Q>(b[pivot.row]);
-      for (int i = 0; i < m; ++i) {
-        T& other = b[pivot.rows[i]];
-        write_as(other, detail::less_product(read_as<Q>(other), read_as<Q>(column[i]), known));
-      }
+      for_each_part_apart<P>(parts_, [&](Part part) {
+        const auto known = part(b[pivot.row]);
+        for (int i = 0; i < m; ++i) {
+          T& other = b[pivot.rows[i]];
+          part.set(other, detail::less_product(part(other), part(column[i]), known));
+        }
+      });
     }
     for (auto pivot = order_->pivots.rbegin(); pivot != order_->pivots.rend(); ++pivot) {
+      const int m = static_cast<int>(pivot->rows.size());
       const T* const row = &numbers_[pivot->first];
-      Q sum = read_as<Q>(b[pivot->row]);
-      for (int i = 0, m = static_cast<int>(pivot->rows.size()); i < m; ++i)
-        sum = detail::less_product(sum, read_as<Q>(row[1 + i]), read_as<Q>(b[pivot->rows[i]]));
-      write_as(b[pivot->row], detail::product(sum, read_as<Q>(row[0])));
+      for_each_part_apart<P>(parts_, [&](Part part) {
+        auto sum = part(b[pivot->row]);
+        for (int i = 0; i < m; ++i) sum = detail::less_product(sum, part(row[1 + i]), part(b[pivot->rows[i]]));
+        part.set(b[pivot->row], detail::product(sum, part(row[0])));
+      });
     }
-  }
-
-  template <class Q>
-  void eliminate() {
-    using Real = typename detail::NumberOf<Q>::type;
-    ShelfVector<Real> largest(n_);
-    auto weak = lanes_of<Real>::none();
-    find_largest<Q>(largest);
-    for (int k = 0; k < n_; ++k) eliminate<Q>(order_->pivots[k], largest, weak);
-    write_as(weak_, weak);
   }
 
   // The largest entry of every row, by places in the order.
-  template <class Q>
-  void find_largest(auto& largest) const {
-    for (int k = 0; k < n_; ++k) largest[k] = detail::magnitude(read_as<Q>(given_[order_->pivots[k].first]));
+  void find_largest() {
+    largest_.resize(n_);
+    for (int k = 0; k < n_; ++k)
+      for_each_part_apart<P>(
+          parts_, [&](Part part) { part.set(largest_[k], detail::magnitude(part(numbers_[order_->pivots[k].first]))); });
     for (int k = 0; k < n_; ++k) {
       const auto& pivot = order_->pivots[k];
       const int m = static_cast<int>(pivot.behind.size());
-      const T* const entry = &given_[pivot.first] + 1;
+      const T* const entry = &numbers_[pivot.first] + 1;
       for (int i = 0; i < m; ++i) {
-        auto& of_other = largest[pivot.behind[i]];
-        largest[k] = max(largest[k], detail::magnitude(read_as<Q>(entry[i])));
-        of_other = max(of_other, detail::magnitude(read_as<Q>(entry[m + i])));
+        P &own = largest_[k], &of_other = largest_[pivot.behind[i]];
+        for_each_part_apart<P>(parts_, [&](Part part) {
+          part.set(own, max(part(own), detail::magnitude(part(entry[i]))));
+          part.set(of_other, max(part(of_other), detail::magnitude(part(entry[m + i]))));
+        });
       }
     }
   }
 
-  template <class Q>
-  void eliminate(const EliminationOrder::Pivot& pivot, const auto& largest, auto& weak) {
-    using Real = typename detail::NumberOf<Q>::type;
+  void eliminate(const EliminationOrder::Pivot& pivot) {
+    using Real = PartOf<P>;
     const int m = static_cast<int>(pivot.behind.size());
     T* const diagonal = &numbers_[pivot.first];
     T *const row = diagonal + 1, *const column = row + m;
-    Real in_row = detail::magnitude(read_as<Q>(*diagonal));
-    weak = weak | ((in_row <= Real(0.0)) & (in_row >= Real(0.0)));
-    for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(read_as<Q>(row[i])));
-    const Q inverse = detail::fused_reciprocal(read_as<Q>(*diagonal));
-    write_as(*diagonal, inverse);
+    for_each_part_apart<P>(parts_, [&](Part part) {
+      Real in_row = detail::magnitude(part(*diagonal));
+      auto weak = part(weak_) | ((in_row <= Real(0.0)) & (in_row >= Real(0.0)));
+      for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(part(row[i])));
+      const auto inverse = detail::fused_reciprocal(part(*diagonal));
+      part.set(*diagonal, inverse);
+      for (int i = 0; i < m; ++i) {
+        const auto factor = detail::product(part(column[i]), inverse);
+        part.set(column[i], factor);
+        weak = weak | (detail::magnitude(factor) * in_row > most_growth * part(largest_[pivot.behind[i]]));
+      }
+      part.set(weak_, weak);
+    });
     const int* target = pivot.targets.data();
-    for (int i = 0; i < m; ++i) {
-      const Q factor = detail::product(read_as<Q>(column[i]), inverse);
-      write_as(column[i], factor);
-      weak = weak | (detail::magnitude(factor) * in_row > most_growth * largest[pivot.behind[i]]);
+    for (int i = 0; i < m; ++i)
       for (int k = 0; k < m; ++k, ++target) {
         T& entry = numbers_[*target];
-        write_as(entry, detail::less_product(read_as<Q>(entry), factor, read_as<Q>(row[k])));
+        for_each_part_apart<P>(
+            parts_, [&](Part part) { part.set(entry, detail::less_product(part(entry), part(column[i]), part(row[k]))); });
       }
-    }
   }
 
-  [[gnu::cold, gnu::noinline]] void fall_back() {
+  [[gnu::cold, gnu::noinline]] void fall_back(auto&& entry) {
     if (!full_) full_.emplace(n_);
     full_->clear();
+    const auto put = [&](int i, int k, int place) {
+      for_each_part(parts_, [&](Part part) { part.set((*full_)(i, k), entry(part, place)); });
+    };
     for (const auto& pivot : order_->pivots) {
       const int m = static_cast<int>(pivot.behind.size());
-      (*full_)(pivot.row, pivot.row) = given_[pivot.first];
+      put(pivot.row, pivot.row, pivot.first);
       for (int k = 0; k < m; ++k) {
         const int other = pivot.rows[k];
-        (*full_)(pivot.row, other) = given_[pivot.first + 1 + k];
-        (*full_)(other, pivot.row) = given_[pivot.first + 1 + m + k];
+        put(pivot.row, other, pivot.first + 1 + k);
+        put(other, pivot.row, pivot.first + 1 + m + k);
       }
     }
     full_->factorise();
   }
 
   int n_;
-  bool first_part_alone_;
+  int parts_;
   const EliminationOrder* order_;
   std::optional<Elimination<T>> full_;
-  ShelfVector<T> given_, numbers_;  // entries; once factorised L and U, with the reciprocals of U's diagonal
+  ShelfVector<T> numbers_;  // L and U, with the reciprocals of U's diagonal
+  ShelfVector<P> largest_;
   mutable ShelfVector<T> of_weak_;
   Mask weak_ = lanes_of<P>::none();
   bool any_weak_ = false;
