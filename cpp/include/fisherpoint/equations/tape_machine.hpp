@@ -6,6 +6,7 @@
 #include "fisherpoint/models/tape.hpp"
 #include "fisherpoint/numbers/functions.hpp"
 #include "fisherpoint/numbers/parts.hpp"
+#include "fisherpoint/numbers/shelves.hpp"
 
 namespace fisherpoint {
 
@@ -60,13 +61,10 @@ class Machine {
   }
   // The first outputs go to `out`, which is neither x nor side: what is computed for it alone is written there at once.
   void run(const Array& x, const Array& side, Array& out) {
-    const int n = static_cast<int>(out.size());
-    if (in_place_.size() == 0) find_in_place(n);
-    for (int i = 0; i < n; ++i)
-      if (in_place_[i]) at_[program_.outputs[i]] = &out[i];
+    if (in_place_.empty() && copied_.empty()) find_in_place(static_cast<int>(out.size()));
+    for (const int i : in_place_) at_[program_.outputs[i]] = &out[i];
     run(x, side);
-    for (int i = 0; i < n; ++i)
-      if (!in_place_[i]) out[i] = output(i);
+    for (const int i : copied_) out[i] = output(i);
   }
   void run_along(const Array& x, const Array& dx) {
     leaves_.dx = numbers_of(dx);
@@ -181,14 +179,13 @@ class Machine {
     }
   }
 
-  // Which of the first n outputs are made by operations of every stage, into a register that no output before them has.
+  // In place are those of the first n outputs that every stage makes, in a register that no output before them has.
   void find_in_place(int n) {
     HeapArray<bool> made(program_.registers);
     made.fill(false);
     if (!straight_)
       for (const Instruction& instruction : program_.stage) made[instruction.out] = true;
-    in_place_ = HeapArray<bool>(n);
-    for (int i = 0; i < n; ++i) in_place_[i] = std::exchange(made[program_.outputs[i]], false);
+    for (int i = 0; i < n; ++i) (std::exchange(made[program_.outputs[i]], false) ? in_place_ : copied_).push_back(i);
   }
 
   // Whether functions are for such packs, and for the level at which this is compiled.
@@ -208,10 +205,10 @@ class Machine {
   bool begun_ = false;
   const FisherpointProgram* straight_;  // its functions, which do the work if there are any
   FisherpointLeaves leaves_{};
-  Array own_;                    // literals and what is computed
-  HeapArray<const P*> at_;       // where every register is
-  const P **x_, **side_, **dx_;  // where these leaves are told
-  HeapArray<bool> in_place_;     // of outputs, once there is a place for them
+  Array own_;                           // literals and what is computed
+  HeapArray<const P*> at_;              // where every register is
+  const P **x_, **side_, **dx_;         // where these leaves are told
+  ShelfVector<int> in_place_, copied_;  // of the outputs, once there is a place for them
 };
 
 }  // namespace fisherpoint
