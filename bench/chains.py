@@ -4,7 +4,8 @@ A chain of cells in which something diffuses, with a reaction at its end, is sti
 which is pulled at its end, is not. Both programs use the largest tolerance, in steps of 10^(1/2), with which every state is within
 1e-6 of the largest, and every column of dx/dtheta within 1e-5 of its largest entry: of the values at 1e-12, which CVODES at 1e-10
 must meet to a tenth of that. CVODES takes its BDF formulas for diffusion, and the faster of those and Adams' for masses. A batch's
-parameters are spread by 5 %.
+parameters are spread by 5 %; it is shown of the model as it is written down, and compiled (to the same bits). CasADi's functions
+are interpreted, as it does by default.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class Chain(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Tolerances, and milliseconds of one trajectory, of each of a batch, and of CVODES."""
+    """Tolerances, and milliseconds of one trajectory, of each of a batch, of each with the model compiled, and of CVODES."""
 
     chain: str
     states: int
@@ -63,6 +64,7 @@ class Row(NamedTuple):
     rtol_cvodes: float
     one: float
     each: float
+    compiled: float
     cvodes: float
 
 
@@ -94,11 +96,11 @@ def measured(chain: Chain, of_s: bool) -> Row:
     points, many = chain.points(1), chain.points(BATCH)
     spread = theta * (1 + 0.05 * np.random.default_rng(0).standard_normal((BATCH, len(theta))))
 
-    def ours(at: fp.Experiments, parameters: Array, rtol: float) -> Ends:
+    def ours(at: fp.Experiments, parameters: Array, rtol: float, of: fp.Model = model) -> Ends:
         if of_s:
-            found = fp.sensitivities(model, at, parameters, rtol=rtol, threads=1)
+            found = fp.sensitivities(of, at, parameters, rtol=rtol, threads=1)
             return found.x[0], found.dx_dtheta[0]
-        return fp.simulate(model, at, parameters, rtol=rtol, threads=1).x[0], None
+        return fp.simulate(of, at, parameters, rtol=rtol, threads=1).x[0], None
 
     expected = ours(points, theta, 1e-12)
     rtol = matched(lambda rtol: ours(points, theta, rtol), expected)
@@ -108,14 +110,17 @@ def measured(chain: Chain, of_s: bool) -> Row:
             raise RuntimeError(f"{chain.kind}: expected both programs to agree, given others")
         loosest = matched(lambda rtol, formula=formula: cvodes(chain, rtol, of_s, formula)(theta), expected)  # type: ignore[misc]
         peers[formula] = loosest, cvodes(chain, loosest, of_s, formula)
+    compiled = model.compile()
     tasks: dict[str, Callable[[], object]] = {
         "one": lambda: ours(points, theta, rtol),
         "each": lambda: ours(many, spread, rtol),
+        "compiled": lambda: ours(many, spread, rtol, compiled),
         **{formula: lambda solve=solve: solve(theta) for formula, (_, solve) in peers.items()},  # type: ignore[misc]
     }
     times = {name: 1e3 * seconds for name, seconds in least_seconds(tasks, ROUNDS).items()}
     best = min(peers, key=lambda formula: times[formula])
-    return Row(chain.kind, len(chain.f), of_s, rtol, peers[best][0], times["one"], times["each"] / BATCH, times[best])
+    each, of_compiled = times["each"] / BATCH, times["compiled"] / BATCH
+    return Row(chain.kind, len(chain.f), of_s, rtol, peers[best][0], times["one"], each, of_compiled, times[best])
 
 
 def fits(found: Ends, expected: Ends, share: float = 1.0) -> bool:
@@ -166,12 +171,14 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m bench.chains", description=__doc__)
     parser.add_argument("--states", type=int, nargs="+", default=[20, 64, 100, 200])
-    heads = "chain", "states", "of", "rtol", "CVODES'", "one, ms", "ratio", "each of 32", "ratio", "CVODES"
-    print(f"| {' | '.join(heads)} |", "|---|--:|---|" + "--:|" * 7, sep="\n")
+    heads = "chain", "states", "of", "rtol", "CVODES'", "one, ms", "ratio", "each of 32", "ratio", "compiled", "ratio", "CVODES"
+    print(f"| {' | '.join(heads)} |", "|---|--:|---|" + "--:|" * 9, sep="\n")
     for row in rows(parser.parse_args().states):
         of = "x, dx/dtheta" if row.sensitivities else "x"
-        ratios = f"{row.one:.2f} | {row.cvodes / row.one:.1f} | {row.each:.3f} | {row.cvodes / row.each:.1f} | {row.cvodes:.2f}"
-        print(f"| {row.chain} | {row.states} | {of} | {row.rtol:.0e} | {row.rtol_cvodes:.0e} | {ratios} |", flush=True)
+        pairs = ((row.one, 2), (row.each, 3), (row.compiled, 3))
+        ratios = " | ".join(f"{ours:.{digits}f} | {row.cvodes / ours:.1f}" for ours, digits in pairs)
+        rtols = f"{row.rtol:.0e} | {row.rtol_cvodes:.0e}"
+        print(f"| {row.chain} | {row.states} | {of} | {rtols} | {ratios} | {row.cvodes:.2f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -122,15 +122,15 @@ TEST_CASE("a system in an order is solved as a full one, in lanes whose rows cha
   }
 }
 
-TEST_CASE("where the first part of packs alone is in use, it has the same bits") {
+TEST_CASE("where the first parts of packs alone are in use, they have the same bits") {
   using Wide = Pack<4 * native_lanes>;
   constexpr int size = 24;
   std::vector<std::pair<int, int>> pattern;
   for (int i = 0; i < size; ++i) pattern.emplace_back(i, (i + 1) % size), pattern.emplace_back((i + 5) % size, i);
   EliminationOrder order(size, pattern);
   order.find_targets();
-  const auto check = [&]<class T>(T) {
-    LinearSystem<T> all(size, &order), first(size, &order, 1);
+  const auto check = [&]<class T>(T, int parts) {
+    LinearSystem<T> all(size, &order), first(size, &order, parts);
     for (auto* system : {&all, &first}) {
       ShelfVector<T> matrix(system->places());
       std::fill_n(reinterpret_cast<double*>(matrix.data()), matrix.size() * sizeof(T) / sizeof(double), 0.0);
@@ -153,12 +153,14 @@ TEST_CASE("where the first part of packs alone is in use, it has the same bits")
     first.solve(same.data());
     for (int i = 0; i < size; ++i) {
       const double *a = reinterpret_cast<const double*>(&x[i]), *b = reinterpret_cast<const double*>(&same[i]);
-      for (int lane = 0; lane < native_lanes; ++lane)
+      for (int lane = 0; lane < parts * native_lanes; ++lane)
         for (std::size_t e = lane; e < sizeof(T) / sizeof(double); e += Wide::width) CHECK(a[e] == b[e]);
     }
   };
-  check(Wide());
-  check(Complex<Wide>());
+  for (const int parts : {1, 3}) {
+    check(Wide(), parts);
+    check(Complex<Wide>(), parts);
+  }
 }
 
 TEST_CASE("the order of a chain adds no entry, and a full matrix is left alone") {

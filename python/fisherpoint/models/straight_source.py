@@ -79,7 +79,8 @@ class _Straight:
         stage = _operations("stage", program.stage.tolist(), values)
         outputs = [values[register] for register in program.outputs.tolist()]
         # What is computed shortly before it is read can stay in a register.
-        stage = list(depth_first({operation.result: operation for operation in stage}, outputs).values())
+        by_result = {operation.result: operation for operation in stage}
+        stage = [by_result[value] for value in depth_first({of: one.operands for of, one in by_result.items()}, outputs)]
         self.packs = len(outputs)
 
         read = {operand for operation in stage for operand in operation.operands}

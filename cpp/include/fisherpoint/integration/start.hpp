@@ -112,6 +112,7 @@ auto Integrator<Equation, Method>::starting_step(const State& y) -> P {
   // The formula does not know the unit of time: in fast models it is many time constants, at one of which the error's
   // estimate vanishes.
   const P constant = most_constants * sqrt(slope / (bend + 1e-300));
+  // These are squares. Small models square them once more, for a first step that is shorter than the book's.
   const P fastest = max(slope, bend);
   const P step = min(constant, method_.inverse_root(1e4 * fastest * (f_.order() ? P(1.0) : fastest) + 1e-300));
   return select(step > P(0.0), min((f_.order() ? most_probes_with_order : most_probes) * probe, step), probe);

@@ -136,11 +136,12 @@ inline constexpr double most_implicit_wished = 2.5;
 // Of a model's time constant, as it is seen at the start, the longest first step.
 inline constexpr double most_constants = 1.5;
 
-// And of the time in which states change by a hundredth, those at zero by a hundredth of a thousandth of their scales. Many
-// states at rest are no such measure.
+// And of the time in which the states change by a hundredth, those at zero by a hundredth of a thousandth of their scales. With
+// an order most states may be at rest, and this says little.
 inline constexpr double most_probes = 1e2, most_probes_with_order = 1e4;
 
-// What is left is done in one step if it is longer than the next one by no more than this: the error would be allowed.
+// What is left of the duration is done in one step if it is no longer than this times the next one: step control aims at 0.9 of
+// what the tolerance allows.
 inline constexpr double last_stretch_with_order = 1.1;
 
 }  // namespace fisherpoint

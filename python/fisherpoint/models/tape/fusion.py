@@ -5,18 +5,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import TypeVar
 
 from .graph import STAGE, Graph
 
-
-class _HasOperands(Protocol):
-    @property
-    def operands(self) -> Sequence[Any]: ...
-
-
 Value = TypeVar("Value", bound=Hashable)
-Step = TypeVar("Step", bound=_HasOperands)
 
 
 @dataclass(frozen=True)
@@ -36,9 +29,9 @@ def steps_of(graph: Graph, results: Sequence[int]) -> dict[int, FusedOperation]:
     }
     _share_divisions(graph, steps)
     _absorb_signs(graph, steps)
-    steps = depth_first(steps, results)
+    steps = _alive(steps, results)
     _fuse(graph, steps, results)
-    return depth_first(steps, results)
+    return _alive(steps, results)
 
 
 def _share_divisions(graph: Graph, steps: dict[int, FusedOperation]) -> None:
@@ -99,20 +92,25 @@ def _with_product(graph: Graph, step: FusedOperation, product: int, factors: Fus
     return None
 
 
-def depth_first(steps: Mapping[Value, Step], results: Iterable[Value]) -> dict[Value, Step]:
-    """Only the steps that results need, in an order in which operands come first, by depth first search from the results."""
-    ordered: dict[Value, Step] = {}
+def _alive(steps: dict[int, FusedOperation], results: Sequence[int]) -> dict[int, FusedOperation]:
+    """Only the steps that results need, in an order in which operands come first."""
+    return {node: steps[node] for node in depth_first({node: step.operands for node, step in steps.items()}, results)}
+
+
+def depth_first(operands: Mapping[Value, Sequence[Value]], results: Iterable[Value]) -> list[Value]:
+    """The values with operands that results need, those that others are computed from before them: by depth first search."""
+    ordered: dict[Value, None] = {}
     for result in results:
         open_values = [result]
         while open_values:
             value = open_values[-1]
-            if value in ordered or value not in steps:
+            if value in ordered or value not in operands:
                 open_values.pop()
                 continue
-            missing = [operand for operand in steps[value].operands if operand in steps and operand not in ordered]
+            missing = [operand for operand in operands[value] if operand in operands and operand not in ordered]
             if missing:
                 open_values += reversed(missing)
             else:
-                ordered[value] = steps[value]
+                ordered[value] = None
                 open_values.pop()
-    return ordered
+    return list(ordered)
