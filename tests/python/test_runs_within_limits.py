@@ -15,6 +15,8 @@ from bench.strokes import arm, cart, rests, tanks
 from fisherpoint.basics import work_clock
 from fisherpoint.basics.work_clock import Clock, OutOfTime
 from fisherpoint.design.file.configuration import load_config
+from fisherpoint.design.runs import run_climb
+from fisherpoint.design.runs.run_feasibility import RunGuard
 from fisherpoint.design.runs.run_objective import RunObjective
 from fisherpoint.design.runs.run_profiles import RETURNING
 from fisherpoint.design.runs.run_rounding import tidied
@@ -166,6 +168,31 @@ def test_fewer_starts_are_followed_where_time_is_short(monkeypatch: pytest.Monke
     monkeypatch.setattr(Clock, "affordable", lambda self, kind, share: 400.0)
     design = fp.design_runs(problem, n_starts=6, n_candidates=40, time_limit=1000.0)
     assert 0 < len(design.ends) < 6 and design.evaluation.rank == 2 and design.feasible and unbeaten(design)
+
+
+def test_the_distance_from_limits_follows_the_first_look_where_time_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there are few ascents, none leads nearer to limits that too few plants have kept."""
+    distances, shares = list[float](), list[float]()
+    ascend, judged = run_climb.ascend, RunSearch._judged
+
+    def from_here(objective: RunObjective, *of: Any) -> Any:
+        distances.append(objective.kappa)
+        return ascend(objective, *of)
+
+    def looked(self: RunSearch, *of: Any) -> Any:
+        found = judged(self, *of)
+        if len(distances) > len(shares):
+            shares.append(found.share)
+        return found
+
+    monkeypatch.setattr(run_climb, "ascend", from_here)
+    monkeypatch.setattr(RunSearch, "_judged", looked)
+    monkeypatch.setattr(RunSearch, "_raced", property(lambda self: 1))
+    monkeypatch.setattr(RunGuard, "share", lambda self, runs: 0.95 if len(distances) < 3 else 1.0)
+    design = fp.design_runs(arm(12), n_starts=2, n_candidates=40)
+    assert shares[:3] == [0.95, 0.95, 1.0]
+    assert distances[0] < distances[1] < distances[2]
+    assert len(design.runs) == 1
 
 
 def test_a_search_without_a_limit_looks_at_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:

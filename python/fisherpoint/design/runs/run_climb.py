@@ -34,7 +34,8 @@ class Climb:
     kappa : float, optional
         The distance from limits to begin with; that of the guard by default.
     hurried : bool, optional
-        Whether there is little time: ascents are short, and single changes wait until they gain little.
+        Whether there is little time: ascents are short, single changes wait until they gain little, and the distance from limits
+        follows the plants from the first look on.
 
     Attributes
     ----------
@@ -64,7 +65,7 @@ class Climb:
         self._kappa = self._best_kappa = guard.first if kappa is None else kappa
         self._margin, self._lost, self._steps, self._moved = Margin(objective, guard), 0, 0, not hurried
         self._iterations = self._tuning.hurried_iterations if hurried else self._tuning.ascent_iterations
-        self._explored = guard.first == 0.0 or not objective.margins.exist
+        self._explored = hurried or guard.first == 0.0 or not objective.margins.exist
         self.best: ReachedRuns | None = None
         self.last: ReachedRuns | None = None
         self.ended = self.untried = False
