@@ -207,7 +207,7 @@ class Machine {
   FisherpointLeaves leaves_{};
   Array own_;                           // literals and what is computed
   HeapArray<const P*> at_;              // where every register is
-  const P **x_, **side_, **dx_;         // where these leaves are told
+  const P **x_, **side_, **dx_;         // where the addresses of these leaves are
   ShelfVector<int> in_place_, copied_;  // of the outputs, once there is a place for them
 };
 

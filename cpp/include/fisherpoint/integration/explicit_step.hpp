@@ -1,6 +1,6 @@
 // One explicit step of every lane: members of Integrator (integrator.hpp, which includes it at its end). With many states the
 // stages do not fit the first-level cache, so that every reading of them counts: they are read once for each stage behind
-// them, and once for all that tells whether the step is good.
+// them, and once for the error estimates and the middle together.
 #pragma once
 
 #include "fisherpoint/integration/sliding.hpp"

@@ -350,7 +350,7 @@ class ImplicitStep {
     }
   }
 
-  // By how much W is off, as the rates at the stages tell.
+  // The residual of the stage equations, transformed as W is: the right-hand side of a Newton step.
   void set_right(Part part, int i) {
     const auto of_rates = [&](int r) { return weighted(part, Radau::to_w[r], f_z_, i); };
     const OfPart real(Radau::real), re(Radau::part_re), im(Radau::part_im);

@@ -18,27 +18,16 @@ struct PartsOf {
   static const T& get(const T& from, int) { return from; }
   static void set(T& to, int, const T& value) { to = value; }
 };
-template <int W>
-struct PartsOf<Pack<W>> {
-  using type = Pack<native_lanes>;
-  static constexpr int count = Pack<W>::parts;
-  static type get(const Pack<W>& from, int k) {
+template <template <int> class Of, int W>  // a pack or a mask
+struct PartsOf<Of<W>> {
+  using type = Of<native_lanes>;
+  static constexpr int count = Of<W>::parts;
+  static type get(const Of<W>& from, int k) {
     type part;
     part.part[0] = from.part[k];
     return part;
   }
-  static void set(Pack<W>& to, int k, const type& value) { to.part[k] = value.part[0]; }
-};
-template <int W>
-struct PartsOf<Mask<W>> {
-  using type = Mask<native_lanes>;
-  static constexpr int count = Mask<W>::parts;
-  static type get(const Mask<W>& from, int k) {
-    type part;
-    part.part[0] = from.part[k];
-    return part;
-  }
-  static void set(Mask<W>& to, int k, const type& value) { to.part[k] = value.part[0]; }
+  static void set(Of<W>& to, int k, const type& value) { to.part[k] = value.part[0]; }
 };
 template <class T>
 using PartOf = typename PartsOf<T>::type;
