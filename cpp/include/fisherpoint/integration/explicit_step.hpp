@@ -1,10 +1,13 @@
 // One explicit step of every lane: members of Integrator (integrator.hpp, which includes it at its end). With many states the
-// stages do not fit the first-level cache, so that every reading of them counts: they are read once for each stage behind
-// them, and once for the error estimates and the middle together.
+// stages do not fit the first-level cache, so that every reading of them counts: they are read once for two stages behind
+// them where the method is a tableau, and once for the error estimates and the middle together.
 #pragma once
+
+#include <type_traits>
 
 #include "fisherpoint/integration/sliding.hpp"
 #include "fisherpoint/integration/step_control.hpp"
+#include "fisherpoint/integration/tableau.hpp"
 
 namespace fisherpoint {
 
@@ -35,12 +38,38 @@ void Integrator<Equation, Method>::find_stages(const State& y) {
   for_each_index(last(), [&](auto previous) {
     const auto s = after(previous);
     State& x = s == before(last()) ? nearest_ : end_;
-    with_weighted_sum(s, method_.a[s], stage, [&](const auto& sum) {
-      for_each_index(f_.states, [&](auto i) { write_as(x[i], read_as<Q>(y[i]) + step * sum(i)); });
-    });
+    const auto put = [&](auto i, const Q& sum) { write_as(x[i], read_as<Q>(y[i]) + step * sum); };
+    if constexpr (std::is_same_v<Method, Tableau>)
+      sum_stages<Q>(s, put);
+    else
+      for_each_index(f_.states, [&](auto i) { put(i, weighted_sum(s, method_.a[s], stage, i)); });
     f_.derivative(x, at, stage_[s]);
     if (f_.holds_end > 0 && unforeseen(slide)) this->slide(x, side_, stage_[s]);
   });
+}
+
+// put(i, sum) for the sums of stage s of a tableau. Where they begin those of the next stage too, these wait where that will be.
+template <class Equation, class Method>
+template <class Q>
+void Integrator<Equation, Method>::sum_stages(int s, auto&& put) {
+  const StagesAs<Q, State> stage{stage_};
+  const int states = f_.states;
+  if (method_.begun[s]) {
+    const Q weight(method_.a[s][s - 1]);
+    for (int i = 0; i < states; ++i) put(i, fused(weight, stage[s - 1][i], stage[s][i]));
+  } else if (s < last() && method_.begun[s + 1]) {
+    with_weighted_sums(s, {&method_.a[s], &method_.a[s + 1]}, stage, [&](auto&& with_sums) {
+      for (int i = 0; i < states; ++i)
+        with_sums(i, [&](const Q& sum, const Q& next) {
+          put(i, sum);
+          write_as(stage_[s + 1][i], next);
+        });
+    });
+  } else {
+    with_weighted_sums(s, {&method_.a[s]}, stage, [&](auto&& with_sums) {
+      for (int i = 0; i < states; ++i) with_sums(i, [&](const Q& sum) { put(i, sum); });
+    });
+  }
 }
 
 // The squares of the step's embedded error, of that of a coarser solution, and of the state at both ends; its middle, where

@@ -184,6 +184,8 @@ class Integrator {
   template <class Q>
   void find_stages(const State& y);
   template <class Q>
+  void sum_stages(int s, auto&& put);
+  template <class Q>
   void judge_stages(const State& y, State& middle, Squares& squares) const;
 
   // Decides about the tried step, takes it where it is good, and chooses the next one: step_decision.hpp.

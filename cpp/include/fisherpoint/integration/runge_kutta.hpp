@@ -63,32 +63,39 @@ auto weighted_sum(N n, const std::array<double, size>& weights, const auto& stag
   return weighted_sum(Count<1>{}, n, weights[0] * stage[0][i], weights, stage, i);
 }
 
-// work(sum) with sum(i) the weighted sum of entry i of the first n stages. Where n is no Count, the stages that have a weight
-// are found once for all i, and their number decides once between sums that are unrolled.
-template <class N, std::size_t size, class Q, class State>
-void with_weighted_sum(N n, const std::array<double, size>& weights, const StagesAs<Q, State>& stage, auto&& work) {
-#if !defined(FISHERPOINT_SANITIZED)
-  if constexpr (std::is_same_v<N, int>) {
-    std::array<double, size> weight;
-    std::array<decltype(stage.stages->data()), size> states;
-    int count = 0;
-    for (int r = 0; r < n; ++r) {
-      if (weights[r] == 0) continue;
-      weight[count] = weights[r];
-      states[count++] = stage.stages[r].data();
-    }
-    for_each_index<static_cast<int>(size)>([&](auto before) {
-      if (count != before + 1) return;
-      work([&](int i) {
-        Q sum = weight[0] * read_as<Q>(states[0][i]);
-        for_each_index<before>([&](auto t) { sum = fused(Q(weight[t + 1]), read_as<Q>(states[t + 1][i]), sum); });
-        return sum;
-      });
-    });
-    return;
+// work(with_sums), where with_sums(i, take) calls take(sum, ...) with the weighted sums of entry i of the first n stages, one for
+// each row of weights. A stage is read once for all rows. Those that have a weight in any row are found once for all i, and their
+// number decides once between loops that are unrolled. (A weight of 0 times a stage that is not finite is not 0: rows have
+// weights where a step that has such a stage fails in any case.)
+template <std::size_t rows, std::size_t size, class Q, class State>
+void with_weighted_sums(int n, const std::array<double, size>* const (&weights)[rows],
+                        const StagesAs<Q, State>& stage, auto&& work) {
+  std::array<std::array<double, rows>, size> weight;
+  std::array<decltype(stage.stages->data()), size> states;
+  int count = 0;
+  for (int r = 0; r < n; ++r) {
+    bool any = false;
+    for (std::size_t row = 0; row < rows; ++row) any |= (weight[count][row] = (*weights[row])[r]) != 0;
+    if (any) states[count++] = stage.stages[r].data();
   }
+  const auto sums_of = [&](int i, auto terms, auto&& take) {
+    const auto at = [&]<std::size_t... row>(std::index_sequence<row...>) {
+      std::array<Q, rows> sums{(weight[0][row] * read_as<Q>(states[0][i]))...};
+      for_each_index(Count<1>{}, terms, [&](auto t) {
+        const Q& value = read_as<Q>(states[t][i]);
+        ((sums[row] = fused(Q(weight[t][row]), value, sums[row])), ...);
+      });
+      take(sums[row]...);
+    };
+    at(std::make_index_sequence<rows>{});
+  };
+#if !defined(FISHERPOINT_SANITIZED)  // hundreds of unrolled sums take minutes to compile with their checks
+  for_each_index<static_cast<int>(size)>([&](auto before) {
+    if (count == before + 1) work([&](int i, auto&& take) { sums_of(i, after(before), take); });
+  });
+#else
+  work([&](int i, auto&& take) { sums_of(i, count, take); });
 #endif
-  work([&](auto i) { return weighted_sum(n, weights, stage, i); });
 }
 
 // sums[i] += the weighted sum of the first n stages, for all variables i of a set. The bits are those of `weighted_sum`, but a

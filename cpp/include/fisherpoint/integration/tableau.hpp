@@ -30,8 +30,11 @@ struct Tableau {
         beside_kink(method.beside_kink) {
     for (int s = 0; s < stages; ++s) std::copy(method.a[s].begin(), method.a[s].end(), a[s].begin());
     for (int s = 0; s < in_error; ++s) std::copy(method.behind[s].begin(), method.behind[s].end(), behind[s].begin());
+    for (int s = stages - 2; s > 0; s -= 2) begun[s] = begins(s - 1, s);
   }
 
+  // Whether the sum for stage s - 1 also begins that for stage s.
+  std::array<bool, most_stages> begun{};
   // What decides a step's error and end is the methods' own, to the last bit.
   auto end_of(const auto& stage, int i) const { return is_54() ? Of54::end_of(stage, i) : Of853::end_of(stage, i); }
   auto error_of(const auto& stage, int i) const { return is_54() ? Of54::error_of(stage, i) : Of853::error_of(stage, i); }
@@ -49,6 +52,15 @@ struct Tableau {
  private:
   using Of54 = StageSums<DormandPrince, false>;
   using Of853 = StageSums<DormandPrince853, false>;
+  // Whether both have weights for the same stages before s - 1, more than two: then less is read than is written in between.
+  constexpr bool begins(int before, int s) const {
+    int terms = 0;
+    for (int r = 0; r < before; ++r) {
+      if ((a[s][r] != 0) != (a[before][r] != 0)) return false;
+      terms += a[s][r] != 0;
+    }
+    return terms > 2;
+  }
   constexpr bool is_54() const { return order == DormandPrince::order; }
 };
 
