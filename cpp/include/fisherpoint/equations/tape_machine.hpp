@@ -48,7 +48,7 @@ class Machine {
       straight_->stage(&leaves_, numbers_of(own_));
       return;
     }
-    refer(x_, x);
+    if (x.size() > 0 && *x_ != x.begin()) refer(x_, x);
     if (begun_ && parts_in_use_ == 1) return carry_out<PartOf<P>>(program_.stage, at_.data());
     carry_out<P>(program_.stage, at_.data());
     begun_ = true;
@@ -173,10 +173,36 @@ class Machine {
         case O::select:
           all([](const Q& a, const Q& b, const Q& c) { return select(a > Q(0.0), b, c); });
           break;
+        case O::grow:
+          do {
+            const Instruction* const behind = next + 1 + next->a;
+            Q sum = begin_sum<Q>(*++next, at);
+            while (++next != behind) sum = add_term(*next, at, sum);
+            write_as(const_cast<P&>(*at[next[-1].out]), sum);
+          } while (next != end && next->operation == O::grow);
+          break;
         case O::count:
           return;
       }
     }
+  }
+  template <class Q>
+  [[gnu::always_inline]] static Q begin_sum(const Instruction& i, const P* const* at) {
+    using O = Operation;
+    const auto &a = read_as<Q>(*at[i.a]), &b = read_as<Q>(*at[i.b]), &c = read_as<Q>(*at[i.c]);
+    if (i.operation == O::mul) return a * b;
+    if (i.operation == O::mul_add) return fused(a, b, c);
+    if (i.operation == O::mul_sub) return fused(a, b, -c);
+    if (i.operation == O::sub_mul) return fused(-a, b, c);
+    return i.operation == O::add ? a + b : a - b;
+  }
+  template <class Q>
+  [[gnu::always_inline]] static Q add_term(const Instruction& i, const P* const* at, const Q& sum) {
+    using O = Operation;
+    const auto &a = read_as<Q>(*at[i.a]), &b = read_as<Q>(*at[i.b]);
+    if (i.operation == O::mul_add) return fused(a, b, sum);
+    if (i.operation == O::sub_mul) return fused(-a, b, sum);
+    return i.operation == O::add ? sum + b : sum - b;
   }
 
   // In place are those of the first n outputs that every stage makes, in a register that no output before them has.

@@ -49,7 +49,8 @@ enum class Operation : std::int32_t {
   min,
   max,
   select,  // a > 0 ? b : c
-  count
+  count,
+  grow  // only in front of operations of which each adds a term to the sum before it: a is how many, out where the last sum goes
 };
 
 inline constexpr const char* operation_names[] = {"add",  "sub",  "mul", "div", "neg",  "mul_add", "mul_sub", "sub_mul", "sqrt",
@@ -309,6 +310,40 @@ inline void check(const Program& program, const Shape<TapeModel>& shape, std::si
     expect(r >= 0 && r < program.registers && known[r], name + ".outputs: expected registers that have a value");
 }
 
+// Whether an operation adds a term to a sum, and does not read it otherwise.
+inline bool adds_to(std::int32_t sum, const Instruction& i) {
+  switch (i.operation) {
+    case Operation::mul_add:
+    case Operation::sub_mul:
+      return i.out == sum && i.c == sum && i.a != sum && i.b != sum;
+    case Operation::add:
+    case Operation::sub:
+      return i.out == sum && i.a == sum && i.b != sum;
+    default:
+      return false;
+  }
+}
+inline bool begins_sum(Operation operation) {
+  using enum Operation;
+  for (const Operation one : {add, sub, mul, mul_add, mul_sub, sub_mul})
+    if (operation == one) return true;
+  return false;
+}
+
+// Marks sums that grow in one register: while they do, they need not be stored.
+inline void mark_sums(std::vector<Instruction>& instructions) {
+  std::vector<Instruction> marked;
+  for (auto first = instructions.begin(); first != instructions.end();) {
+    auto end = first + 1;
+    if (begins_sum(first->operation))
+      while (end != instructions.end() && adds_to(first->out, *end)) ++end;
+    if (end - first > 1) marked.push_back({Operation::grow, first->out, static_cast<std::int32_t>(end - first), 0, 0});
+    marked.insert(marked.end(), first, end);
+    first = end;
+  }
+  instructions = std::move(marked);
+}
+
 }  // namespace detail
 
 inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs,
@@ -395,6 +430,11 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         return Dependence<TapeModel>(shape, rate_entries, std::move(varying));
       }()) {
   for (double& scale : inverse_scales_) scale = 1.0 / scale;
+  for (Program* program :
+       {&programs_.rates, &programs_.output, &programs_.surfaces, &programs_.surface_rates, &programs_.state_jacobian,
+        &programs_.rate_jacobian, &programs_.output_jacobian, &programs_.jump_jacobian, &resets_.program, &resets_.jacobian,
+        &updates_.program, &updates_.jacobian})
+    detail::mark_sums(program->stage);
   if (shape_.states < least_ordered) return;
   std::vector<std::pair<int, int>> of_state, of_stages;
   constexpr int stages = 3;

@@ -29,7 +29,7 @@ def schedule(graph: Graph, results: Sequence[int]) -> Program:
 
     hoisted = {operand for step in stage.values() for operand in step.operands} | set(results)
     setup_rows, setup_end = _allocate(setup, hoisted, registers, first)
-    stage_rows, end = _allocate(_by_kind(stage), set(results), registers, setup_end)
+    stage_rows, end = _allocate(_by_kind(_sums(stage, results)), set(results), registers, setup_end)
     return Program(
         literals=np.array([graph.values[node] for node in literals], dtype=np.float64),
         setup=_array(setup_rows),
@@ -40,13 +40,17 @@ def schedule(graph: Graph, results: Sequence[int]) -> Program:
 
 
 def _allocate(steps: Steps, kept: Iterable[int], registers: Registers, first: int) -> tuple[Rows, int]:
-    """Rows of the steps, and the end of the registers from `first` on that they write; a register is free after its last use."""
+    """Rows of the steps, and the end of the registers from `first` on that they write; a register is free after its last use.
+
+    What goes on with the sum of the step before keeps its register.
+    """
     uses = Counter(operand for step in steps.values() for operand in set(step.operands))
     uses.update(kept)  # one use that never comes
     rows, free, end = [], list[int](), first
+    before = None
     for node, step in steps.items():
         operands = [registers[operand] for operand in step.operands]
-        for operand in set(step.operands):
+        for operand in sorted(set(step.operands), key=lambda operand: operand == before):
             uses[operand] -= 1
             if not uses[operand] and operand in steps:
                 free.append(registers[operand])
@@ -55,31 +59,69 @@ def _allocate(steps: Steps, kept: Iterable[int], registers: Registers, first: in
             end += 1
         registers[node] = free.pop()  # the one used last, which is still near
         rows.append([CODES[step.name], registers[node], *operands, *[0] * (3 - len(operands))])
+        before = node
     return rows, end
 
 
-def _by_kind(steps: Steps) -> Steps:
-    """The steps in another order: as many of one kind as can be follow each other, so that few kinds have to be decoded."""
-    missing = {node: 0 for node in steps}
-    users: dict[int, list[int]] = {node: [] for node in steps}
+def _sums(steps: Steps, kept: Iterable[int]) -> list[Steps]:
+    """The steps in groups, each a sum that grows by a term with every step and is used nowhere else until it is whole.
+
+    The core keeps such a sum at hand instead of storing it. A group needs nothing that hangs on what it makes before its end, so
+    that groups can be carried out one after the other where steps can.
+    """
+    uses = Counter(operand for step in steps.values() for operand in step.operands)
+    uses.update(kept)
+    grown: dict[int, int] = {}  # by a sum, what it is the beginning of
+    begun = dict(steps)
     for node, step in steps.items():
-        for operand in set(step.operands) & steps.keys():
-            users[operand].append(node)
-            missing[node] += 1
-    ready: dict[str, deque[int]] = {step.name: deque() for step in steps.values()}
-    for node, step in steps.items():
-        if not missing[node]:
-            ready[step.name].append(node)
+        for place in _SUM_IN.get(step.name, ()):
+            start = step.operands[place]
+            if start in steps and uses[start] == 1 and steps[start].name in _BEGINS:
+                grown[start] = node
+                first = [start, *(operand for k, operand in enumerate(step.operands) if k != place)]
+                begun[node] = FusedOperation(step.name, tuple(first)) if step.name == "add" else step
+                break
+    continued = set(grown.values())
+    groups = []
+    for node in steps:
+        if node not in continued:
+            group = [node]
+            while group[-1] in grown:
+                group.append(grown[group[-1]])
+            groups.append({member: begun[member] for member in group})
+    return groups
+
+
+_SUM_IN: dict[str, Sequence[int]] = {"mul_add": (2,), "sub_mul": (2,), "add": (0, 1), "sub": (0,)}
+"""Operands that may be a sum to which the operation adds a term."""
+
+_BEGINS = frozenset({"add", "sub", "mul", "mul_add", "mul_sub", "sub_mul"})
+
+
+def _by_kind(groups: list[Steps]) -> Steps:
+    """The steps in another order: as many groups of one kind as can be follow each other, so that few kinds have to be decoded."""
+    group_of = {node: k for k, group in enumerate(groups) for node in group}
+    missing = [0] * len(groups)
+    users: list[list[int]] = [[] for _ in groups]
+    kinds = [tuple(step.name for step in group.values()) for group in groups]
+    for k, group in enumerate(groups):
+        for other in {group_of[operand] for step in group.values() for operand in step.operands if operand in group_of} - {k}:
+            users[other].append(k)
+            missing[k] += 1
+    ready: dict[tuple[str, ...], deque[int]] = {kind: deque() for kind in kinds}
+    for k, kind in enumerate(kinds):
+        if not missing[k]:
+            ready[kind].append(k)
     ordered: Steps = {}
-    while len(ordered) < len(steps):
-        kind = max(ready, key=lambda name: len(ready[name]))
+    while any(ready.values()):
+        kind = max(ready, key=lambda kind: len(kind) * len(ready[kind]))
         while ready[kind]:
-            node = ready[kind].popleft()
-            ordered[node] = steps[node]
-            for user in users[node]:
+            k = ready[kind].popleft()
+            ordered |= groups[k]
+            for user in users[k]:
                 missing[user] -= 1
                 if not missing[user]:
-                    ready[steps[user].name].append(user)
+                    ready[kinds[user]].append(user)
     return ordered
 
 
