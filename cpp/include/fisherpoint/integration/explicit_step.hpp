@@ -3,6 +3,8 @@
 // them where the method is a tableau, and once for the error estimates and the middle together.
 #pragma once
 
+#include <algorithm>
+#include <functional>
 #include <type_traits>
 
 #include "fisherpoint/integration/sliding.hpp"
@@ -14,12 +16,13 @@ namespace fisherpoint {
 // The stages, the end and the middle of a step, and its error.
 template <class Equation, class Method>
 void Integrator<Equation, Method>::attempt_explicit(const State& y, State& middle) {
-  Squares squares;
   on_all_or_first_part(f_, [&]<class Q>(As<Q>) {
     find_stages<Q>(y);
-    judge_stages<Q>(y, middle, squares);
+    if (f_.surfaces > 0) find_middle<Q>(y, middle);
   });
-  const P embedded = squared_weight() * squares.error, coarse = squares.coarse, size = squares.size + 1e-300;
+  Squares<P> squares;
+  judge_stages(y, squares);
+  const P embedded = squared_weight() * squares.error, coarse = squares.coarse, size = squares.start + squares.end + 1e-300;
   squared_error_ = method_.squared_error(embedded, squared_weight() * coarse);
   const P least = (least_error * least_error) * squared_weight() * coarse * coarse / size;
   squared_error_ = select(least > squared_error_, least, squared_error_);  // which stays NaN where it is
@@ -72,32 +75,47 @@ void Integrator<Equation, Method>::sum_stages(int s, auto&& put) {
   }
 }
 
-// The squares of the step's embedded error, of that of a coarser solution, and of the state at both ends; its middle, where
-// there are surfaces to look at from there.
+// The squares of the step's embedded error, of that of a coarser solution, and of the state at both ends. Along long arrays the
+// parts of packs follow each other in blocks, which fit the first-level cache: the sums of one part fit the registers.
 template <class Equation, class Method>
-template <class Q>
-void Integrator<Equation, Method>::judge_stages(const State& y, State& middle, Squares& squares) const {
-  const StagesAs<Q, State> stage{stage_};
-  const auto& step = read_as<Q>(step_);
-  Q of_error(0.0), of_coarse(0.0), of_start(0.0), of_end(0.0);
-  for_each_index(f_.states, [&](auto i) {
-    const auto add_square = [&](Q& sum, const Q& value) {
-      const Q relative = value * f_.inverse_scale(i);
+void Integrator<Equation, Method>::judge_stages(const State& y, Squares<P>& squares) const {
+  const auto judge = [&](auto i, const auto& read, auto& of) {
+    const StagesBy stage{read, stage_};
+    const auto add_square = [&](auto& sum, const auto& value) {
+      const auto relative = value * f_.inverse_scale(i);
       sum = fused(relative, relative, sum);
     };
-    const Q start = read_as<Q>(y[i]), end = read_as<Q>(end_[i]);
-    add_square(of_error, step * method_.error_of(stage, i));
-    add_square(of_coarse, end - start - step * method_.coarse_of(stage, i));
-    add_square(of_start, start);
-    add_square(of_end, end);
-    if (f_.surfaces > 0) {
-      const Q bow = 0.125 * (stage[0][i] - stage[last()][i]) + method_.bow_of(stage, i);
-      write_as(middle[i], fused(step, bow, 0.5 * (start + end)));
-    }
+    const auto start = read(y[i]), end = read(end_[i]), step = read(step_);
+    add_square(of.error, step * method_.error_of(stage, i));
+    add_square(of.coarse, end - start - step * method_.coarse_of(stage, i));
+    add_square(of.start, start);
+    add_square(of.end, end);
+  };
+  if constexpr (!std::is_same_v<Method, Tableau>) {
+    for_each_index(f_.states, [&](auto i) { judge(i, std::identity{}, squares); });
+  } else {
+    constexpr int block = 16;
+    for (int first = 0; first < f_.states; first += block)
+      for_each_part(f_.parts_in_use(), [&](Part part) {
+        Squares<PartOf<P>> of_part{part(squares.error), part(squares.coarse), part(squares.start), part(squares.end)};
+        for (int i = first; i < std::min(first + block, f_.states); ++i) judge(i, part, of_part);
+        part.set(squares.error, of_part.error);
+        part.set(squares.coarse, of_part.coarse);
+        part.set(squares.start, of_part.start);
+        part.set(squares.end, of_part.end);
+      });
+  }
+}
+
+// The middle of the step, from which surfaces are looked at.
+template <class Equation, class Method>
+template <class Q>
+void Integrator<Equation, Method>::find_middle(const State& y, State& middle) const {
+  const StagesAs<Q, State> stage{stage_};
+  for_each_index(f_.states, [&](auto i) {
+    const Q bow = 0.125 * (stage[0][i] - stage[last()][i]) + method_.bow_of(stage, i);
+    write_as(middle[i], fused(read_as<Q>(step_), bow, 0.5 * (read_as<Q>(y[i]) + read_as<Q>(end_[i]))));
   });
-  write_as(squares.error, of_error);
-  write_as(squares.coarse, of_coarse);
-  write_as(squares.size, Q(of_start + of_end));
 }
 
 }  // namespace fisherpoint

@@ -177,16 +177,19 @@ class Integrator {
   [[gnu::noinline]] void judge_measured(const State& y);
 
   // An explicit step: explicit_step.hpp.
+  // Squares of the embedded error, of that of a coarser solution, and of the state at both ends, in scales.
+  template <class Q>
   struct Squares {
-    P error{0.0}, coarse{0.0}, size{0.0};
+    Q error{0.0}, coarse{0.0}, start{0.0}, end{0.0};
   };
   void attempt_explicit(const State& y, State& middle);
   template <class Q>
   void find_stages(const State& y);
   template <class Q>
   void sum_stages(int s, auto&& put);
+  void judge_stages(const State& y, Squares<P>& squares) const;
   template <class Q>
-  void judge_stages(const State& y, State& middle, Squares& squares) const;
+  void find_middle(const State& y, State& middle) const;
 
   // Decides about the tried step, takes it where it is good, and chooses the next one: step_decision.hpp.
   FISHERPOINT_HOT void control(State& y, const P& duration);

@@ -38,6 +38,20 @@ struct StagesAs {
   StatesAs<Q, State> operator[](int s) const { return {stages[s]}; }
 };
 
+// The same, read by a function.
+template <class Read, class State>
+struct StatesBy {
+  const Read& read;
+  const State& states;
+  decltype(auto) operator[](int i) const { return read(states[i]); }
+};
+template <class Read, class State>
+struct StagesBy {
+  const Read& read;
+  const State* stages;
+  StatesBy<Read, State> operator[](int s) const { return {read, stages[s]}; }
+};
+
 // start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed. Where n is no Count
 // the sum is a loop, over one vector of a pack at a time, so that it stays in its register.
 template <class N, class First, std::size_t size, class P>
