@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -86,6 +87,11 @@ class Model(ABC):
     @abstractmethod
     def constants(self) -> Mapping[str, float]:
         """The known constants by name, SI units."""
+
+    @cached_property
+    def states_without_size(self) -> tuple[int, ...]:
+        """Places of the states whose natural size (`Quantity.scale`) is not stated."""
+        return tuple(i for i, quantity in enumerate(self.states) if quantity.scale is None)
 
     @property
     def kernels(self) -> Kernels:

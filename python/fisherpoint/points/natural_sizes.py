@@ -26,7 +26,7 @@ def warn_of_small_states(model: Model, where: str, *states: Array, stacklevel: i
 
     `where` completes "as ... it below 1e-3 mol": "the region keeps" or "the trajectories keep".
     """
-    unstated = [i for i, quantity in enumerate(model.states) if quantity.scale is None]
+    unstated = model.states_without_size
     if not unstated or not any(values.size for values in states):
         return
     largest = np.max([np.abs(values).reshape(-1, len(model.states)).max(axis=0, initial=0.0) for values in states], axis=0)

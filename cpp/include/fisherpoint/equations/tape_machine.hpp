@@ -48,7 +48,8 @@ class Machine {
       straight_->stage(&leaves_, numbers_of(own_));
       return;
     }
-    if (x.size() > 0 && *x_ != x.begin()) refer(x_, x);
+    if (x.begin() != read_) refer(x_, x);
+    read_ = x.begin();
     if (begun_ && parts_in_use_ == 1) return carry_out<PartOf<P>>(program_.stage, at_.data());
     carry_out<P>(program_.stage, at_.data());
     begun_ = true;
@@ -234,6 +235,7 @@ class Machine {
   Array own_;                           // literals and what is computed
   HeapArray<const P*> at_;              // where every register is
   const P **x_, **side_, **dx_;         // where the addresses of these leaves are
+  const P* read_ = nullptr;             // the first of the states that x_ refers to
   ShelfVector<int> in_place_, copied_;  // of the outputs, once there is a place for them
 };
 
