@@ -236,3 +236,70 @@ TEST_CASE("the first part of a machine alone has the same bits, and the others a
     for (int lane = 0; lane < Wide::width; ++lane)
       CHECK(first.output(i)[lane] == (lane < native_lanes ? all.output(i)[lane] : before[i][lane]));
 }
+
+TEST_CASE("sums are marked where one register has them and nothing else reads them before they are whole") {
+  enum { a, b, c, sum, other };
+  const auto marks = [](std::vector<Instruction> instructions) {
+    mark_sums(instructions);
+    std::vector<std::pair<int, int>> found;  // where, and of how many operations
+    for (int k = 0; k < static_cast<int>(instructions.size()); ++k)
+      if (instructions[k].operation == O::accumulate) found.emplace_back(k, instructions[k].a);
+    return found;
+  };
+  const auto one = std::vector<std::pair<int, int>>{{0, 3}};
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::mul_add, sum, b, c, sum}, {O::sub, sum, sum, a, 0}}) == one);
+  CHECK(marks({{O::sub, sum, sum, b, 0}, {O::sub_mul, sum, b, c, sum}, {O::add, sum, sum, a, 0}}) ==
+        one);                                                                      // reads what was there
+  CHECK(marks({{O::div, sum, a, b, 0}, {O::mul_add, sum, b, c, sum}}).empty());    // begins with another operation
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::mul_add, sum, sum, c, sum}}).empty());  // as a factor too
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::add, sum, sum, sum, 0}}).empty());
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::add, sum, a, sum, 0}}).empty());  // the list has sums first
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::sub, sum, a, sum, 0}}).empty());
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::mul_sub, sum, b, c, sum}}).empty());  // is less the sum
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::mul_add, other, b, c, sum}}).empty());
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::mul, other, b, c, 0}, {O::mul_add, sum, b, c, sum}}).empty());
+  const auto two = std::vector<std::pair<int, int>>{{0, 2}, {3, 2}};
+  CHECK(marks({{O::mul, sum, a, b, 0}, {O::mul_add, sum, b, c, sum}, {O::mul, sum, b, b, 0}, {O::sub, sum, sum, c, 0}}) == two);
+}
+
+TEST_CASE("a sum that is kept at hand is what its operations give one by one") {
+  // Registers: theta; x; dx; then a sum, in which terms of every kind meet, and what is made of it.
+  enum { k, d, x, y, dx, dy, sum, product, whole, registers };
+  const auto machine_of = [&](bool marked) {
+    Program program{{},
+                    {},
+                    {{O::mul, product, k, x, 0},
+                     {O::mul_sub, sum, d, y, x},
+                     {O::mul_add, sum, k, y, sum},
+                     {O::sub_mul, sum, product, x, sum},
+                     {O::sub, sum, sum, y, 0},
+                     {O::add, sum, sum, product, 0},
+                     {O::mul, whole, sum, sum, 0},
+                     {O::sub_mul, whole, d, x, whole}},
+                    {sum, whole},
+                    registers};
+    if (marked) mark_sums(program.stage);
+    return program;
+  };
+  const auto values = [](double start) {
+    HeapArray<Wide> of(2);
+    for (int i = 0; i < 2; ++i)
+      for (int lane = 0; lane < Wide::width; ++lane) lanes_of<Wide>::set(of[i], lane, start + 0.37 * i + 0.11 * lane * lane);
+    return of;
+  };
+  const Shape<TapeModel> shape{2, 0, 0, 2, 0, 0, 0, 0};
+  const HeapArray<Wide> theta = values(0.3), at = values(-1.7), side(0), u(0);
+  const Program plain = machine_of(false), marked = machine_of(true);
+  REQUIRE(marked.stage.size() == plain.stage.size() + 2);
+  for (const int parts : {1, PartsOf<Wide>::count}) {
+    Machine<Wide> one(plain, shape, theta, u, parts), other(marked, shape, theta, u, parts);
+    HeapArray<Wide> out(2), other_out(2);
+    for (int run = 0; run < 2; ++run) {  // the second time on the parts in use alone
+      one.run(at, side, out);
+      other.run(at, side, other_out);
+      for (int i = 0; i < 2; ++i)
+        for (int lane = 0; lane < Wide::width; ++lane)
+          CHECK(lanes_of<Wide>::get(out[i], lane) == lanes_of<Wide>::get(other_out[i], lane));
+    }
+  }
+}

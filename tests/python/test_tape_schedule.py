@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -131,3 +132,22 @@ def test_one_row_serves_all(rows: int) -> None:
     program = schedule(graph, [graph.mul(graph.leaves.theta[0], graph.add(a, b))])
     x = np.arange(2.0 * rows).reshape(rows, 2)
     assert program.evaluate((3.0, 0.0), (0.0,), x, (1.0,), (0.0, 0.0))[:, 0].tolist() == (3 * x.sum(axis=1)).tolist()
+
+
+def test_a_sum_that_nothing_else_reads_grows_in_one_register() -> None:
+    """In the order that the core looks for: see mark_sums in program.hpp."""
+    graph = Graph(LEAVES)
+    k, d, _, _, x, y = range(6)
+    difference = graph.sub(x, y)
+    total = graph.mul(k, difference)
+    for term in (graph.mul(d, graph.call("sin", x)), graph.call("sin", y), graph.neg(graph.mul(k, graph.call("cos", y)))):
+        total = graph.add(term, total)
+    read_twice = graph.add(graph.mul(difference, difference), y)
+    results = [total, graph.add(graph.mul(read_twice, read_twice), x)]
+    rows = schedule(graph, results).stage.tolist()
+    names = {code: name for name, code in CODES.items()}
+    at = {"mul_add": 4, "sub_mul": 4, "add": 2, "sub": 2}  # where the sum stands in a row
+    going_on = [
+        names[row[0]] for before, row in pairwise(rows) if names[row[0]] in at and row[1] == before[1] == row[at[names[row[0]]]]
+    ]
+    assert sorted(going_on) == ["add", "mul_add", "sub_mul"]

@@ -174,13 +174,13 @@ class Machine {
         case O::select:
           all([](const Q& a, const Q& b, const Q& c) { return select(a > Q(0.0), b, c); });
           break;
-        case O::grow:
+        case O::accumulate:
           do {
             const Instruction* const behind = next + 1 + next->a;
             Q sum = begin_sum<Q>(*++next, at);
             while (++next != behind) sum = add_term(*next, at, sum);
             write_as(const_cast<P&>(*at[next[-1].out]), sum);
-          } while (next != end && next->operation == O::grow);
+          } while (next != end && next->operation == O::accumulate);
           break;
         case O::count:
           return;

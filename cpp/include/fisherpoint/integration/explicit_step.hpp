@@ -51,7 +51,7 @@ void Integrator<Equation, Method>::find_stages(const State& y) {
   });
 }
 
-// put(i, sum) for the sums of stage s of a tableau. Where they begin those of the next stage too, these wait where that will be.
+// put(i, sum) for the sums of stage s of a tableau. Where they begin those of the next stage too, its place keeps these.
 template <class Equation, class Method>
 template <class Q>
 void Integrator<Equation, Method>::sum_stages(int s, auto&& put) {

@@ -77,13 +77,13 @@ auto weighted_sum(N n, const std::array<double, size>& weights, const auto& stag
   return weighted_sum(Count<1>{}, n, weights[0] * stage[0][i], weights, stage, i);
 }
 
-// work(with_sums), where with_sums(i, take) calls take(sum, ...) with the weighted sums of entry i of the first n stages, one for
-// each row of weights. A stage is read once for all rows. Those that have a weight in any row are found once for all i, and their
-// number decides once between loops that are unrolled. (A weight of 0 times a stage that is not finite is not 0: rows have
-// weights where a step that has such a stage fails in any case.)
+// work(with_sums), where with_sums(i, take) calls take(sum, ...) with the weighted sums of entry i of the first n stages, one
+// for each row of weights. A stage is read once for all rows. Those that have a weight in any row are found once for all i, and
+// their number decides once between loops that are unrolled. (A weight of 0 times a stage that is not finite is not 0: rows
+// have weights where a step that has such a stage fails in any case.)
 template <std::size_t rows, std::size_t size, class Q, class State>
-void with_weighted_sums(int n, const std::array<double, size>* const (&weights)[rows],
-                        const StagesAs<Q, State>& stage, auto&& work) {
+void with_weighted_sums(int n, const std::array<double, size>* const (&weights)[rows], const StagesAs<Q, State>& stage,
+                        auto&& work) {
   std::array<std::array<double, rows>, size> weight;
   std::array<decltype(stage.stages->data()), size> states;
   int count = 0;

@@ -16,63 +16,11 @@
 
 #include "fisherpoint/models/column_patterns.hpp"
 #include "fisherpoint/models/dependence.hpp"
+#include "fisherpoint/models/program.hpp"
 #include "fisherpoint/models/shape.hpp"
-#include "fisherpoint/models/straight_functions.hpp"
 #include "fisherpoint/numbers/elimination_order.hpp"
 
 namespace fisherpoint {
-
-enum class Operation : std::int32_t {
-  add,
-  sub,
-  mul,
-  div,
-  neg,
-  mul_add,  // a b + c
-  mul_sub,  // a b - c
-  sub_mul,  // c - a b
-  sqrt,
-  exp,
-  log,
-  sin,
-  cos,
-  tan,
-  asin,
-  acos,
-  atan,
-  sinh,
-  cosh,
-  tanh,
-  pow,
-  abs,
-  sign,  // -1, 0 or 1
-  min,
-  max,
-  select,  // a > 0 ? b : c
-  count,
-  grow  // only in front of operations of which each adds a term to the sum before it: a is how many, out where the last sum goes
-};
-
-inline constexpr const char* operation_names[] = {"add",  "sub",  "mul", "div", "neg",  "mul_add", "mul_sub", "sub_mul", "sqrt",
-                                                  "exp",  "log",  "sin", "cos", "tan",  "asin",    "acos",    "atan",    "sinh",
-                                                  "cosh", "tanh", "pow", "abs", "sign", "min",     "max",     "select"};
-static_assert(std::size(operation_names) == static_cast<std::size_t>(Operation::count));
-
-struct Instruction {
-  Operation operation;
-  std::int32_t out, a, b, c;  // registers
-};
-
-// Registers, in this order: literals, theta, u, x, side, dx (the rate at which x moves, where the program asks for it), then
-// what is computed.
-struct Program {
-  std::vector<double> literals;
-  std::vector<Instruction> setup;  // once for a trajectory: reads neither x nor side nor dx
-  std::vector<Instruction> stage;  // once for every x
-  std::vector<std::int32_t> outputs;
-  std::int32_t registers;
-  const FisherpointProgram* straight = nullptr;  // functions that do the same on packs of one width and level, if any
-};
 
 class TapeModel;
 
@@ -310,40 +258,6 @@ inline void check(const Program& program, const Shape<TapeModel>& shape, std::si
     expect(r >= 0 && r < program.registers && known[r], name + ".outputs: expected registers that have a value");
 }
 
-// Whether an operation adds a term to a sum, and does not read it otherwise.
-inline bool adds_to(std::int32_t sum, const Instruction& i) {
-  switch (i.operation) {
-    case Operation::mul_add:
-    case Operation::sub_mul:
-      return i.out == sum && i.c == sum && i.a != sum && i.b != sum;
-    case Operation::add:
-    case Operation::sub:
-      return i.out == sum && i.a == sum && i.b != sum;
-    default:
-      return false;
-  }
-}
-inline bool begins_sum(Operation operation) {
-  using enum Operation;
-  for (const Operation one : {add, sub, mul, mul_add, mul_sub, sub_mul})
-    if (operation == one) return true;
-  return false;
-}
-
-// Marks sums that grow in one register: while they do, they need not be stored.
-inline void mark_sums(std::vector<Instruction>& instructions) {
-  std::vector<Instruction> marked;
-  for (auto first = instructions.begin(); first != instructions.end();) {
-    auto end = first + 1;
-    if (begins_sum(first->operation))
-      while (end != instructions.end() && adds_to(first->out, *end)) ++end;
-    if (end - first > 1) marked.push_back({Operation::grow, first->out, static_cast<std::int32_t>(end - first), 0, 0});
-    marked.insert(marked.end(), first, end);
-    first = end;
-  }
-  instructions = std::move(marked);
-}
-
 }  // namespace detail
 
 inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs,
@@ -434,7 +348,7 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
        {&programs_.rates, &programs_.output, &programs_.surfaces, &programs_.surface_rates, &programs_.state_jacobian,
         &programs_.rate_jacobian, &programs_.output_jacobian, &programs_.jump_jacobian, &resets_.program, &resets_.jacobian,
         &updates_.program, &updates_.jacobian})
-    detail::mark_sums(program->stage);
+    mark_sums(program->stage);
   if (shape_.states < least_ordered) return;
   std::vector<std::pair<int, int>> of_state, of_stages;
   constexpr int stages = 3;

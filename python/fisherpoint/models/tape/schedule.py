@@ -71,24 +71,23 @@ def _sums(steps: Steps, kept: Iterable[int]) -> list[Steps]:
     """
     uses = Counter(operand for step in steps.values() for operand in step.operands)
     uses.update(kept)
-    grown: dict[int, int] = {}  # by a sum, what it is the beginning of
-    begun = dict(steps)
+    next_of: dict[int, int] = {}  # by a sum, the step that adds a term to it
+    written = dict(steps)
     for node, step in steps.items():
         for place in _SUM_IN.get(step.name, ()):
-            start = step.operands[place]
-            if start in steps and uses[start] == 1 and steps[start].name in _BEGINS:
-                grown[start] = node
-                first = [start, *(operand for k, operand in enumerate(step.operands) if k != place)]
-                begun[node] = FusedOperation(step.name, tuple(first)) if step.name == "add" else step
+            begun = step.operands[place]
+            if begun in steps and uses[begun] == 1 and steps[begun].name in _BEGINS:
+                next_of[begun] = node
+                if step.name == "add":  # the sum first
+                    written[node] = FusedOperation("add", (begun, step.operands[1 - place]))
                 break
-    continued = set(grown.values())
     groups = []
-    for node in steps:
-        if node not in continued:
-            group = [node]
-            while group[-1] in grown:
-                group.append(grown[group[-1]])
-            groups.append({member: begun[member] for member in group})
+    later = set(next_of.values())
+    for first in [node for node in steps if node not in later]:
+        group = [first]
+        while group[-1] in next_of:
+            group.append(next_of[group[-1]])
+        groups.append({node: written[node] for node in group})
     return groups
 
 
