@@ -6,6 +6,7 @@
 
 #include "fisherpoint/integration/dormand_prince.hpp"
 #include "fisherpoint/integration/dormand_prince_853.hpp"
+#include "fisherpoint/integration/tableau.hpp"
 
 using namespace fisherpoint;
 
@@ -72,4 +73,15 @@ TEST_CASE("orders by slope of the end, the error that controls the step, and the
   CHECK(of_853.global == doctest::Approx(8).epsilon(0.05));
   CHECK(of_853.estimate == doctest::Approx(8).epsilon(0.05));
   CHECK(of_853.middle == doctest::Approx(7).epsilon(0.05));  // local: order six
+}
+
+TEST_CASE("the sum for a stage begins that for the next one where both have weights for the same stages before it") {
+  const auto begun = [](const Tableau& method) {
+    std::vector<int> stages;
+    for (int s = 0; s < Tableau::most_stages; ++s)
+      if (method.begun_before[s]) stages.push_back(s);
+    return stages;
+  };
+  CHECK(begun(Tableau(DormandPrince{})) == std::vector{5});
+  CHECK(begun(Tableau(DormandPrince853{})) == std::vector{7, 9, 11});
 }

@@ -48,8 +48,8 @@ class Machine {
       straight_->stage(&leaves_, numbers_of(own_));
       return;
     }
-    if (x.begin() != read_) refer(x_, x);
-    read_ = x.begin();
+    if (x.begin() != referred_) refer(x_, x);
+    referred_ = x.begin();
     if (begun_ && parts_in_use_ == 1) return carry_out<PartOf<P>>(program_.stage, at_.data());
     carry_out<P>(program_.stage, at_.data());
     begun_ = true;
@@ -177,7 +177,7 @@ class Machine {
         case O::accumulate:
           do {
             const Instruction* const behind = next + 1 + next->a;
-            Q sum = begin_sum<Q>(*++next, at);
+            Q sum = first_of_sum<Q>(*++next, at);
             while (++next != behind) sum = add_term(*next, at, sum);
             write_as(const_cast<P&>(*at[next[-1].out]), sum);
           } while (next != end && next->operation == O::accumulate);
@@ -188,7 +188,7 @@ class Machine {
     }
   }
   template <class Q>
-  [[gnu::always_inline]] static Q begin_sum(const Instruction& i, const P* const* at) {
+  [[gnu::always_inline]] static Q first_of_sum(const Instruction& i, const P* const* at) {
     using O = Operation;
     const auto &a = read_as<Q>(*at[i.a]), &b = read_as<Q>(*at[i.b]), &c = read_as<Q>(*at[i.c]);
     if (i.operation == O::mul) return a * b;
@@ -235,7 +235,7 @@ class Machine {
   Array own_;                           // literals and what is computed
   HeapArray<const P*> at_;              // where every register is
   const P **x_, **side_, **dx_;         // where the addresses of these leaves are
-  const P* read_ = nullptr;             // the first of the states that x_ refers to
+  const P* referred_ = nullptr;         // the first of the states that x_ refers to
   ShelfVector<int> in_place_, copied_;  // of the outputs, once there is a place for them
 };
 

@@ -1,6 +1,6 @@
 // One explicit step of every lane: members of Integrator (integrator.hpp, which includes it at its end). With many states the
 // stages do not fit the first-level cache, so that every reading of them counts: they are read once for two stages behind
-// them where the method is a tableau, and once for the error estimates and the middle together.
+// them where these have weights for the same ones, and once for both error estimates.
 #pragma once
 
 #include <algorithm>
@@ -51,16 +51,17 @@ void Integrator<Equation, Method>::find_stages(const State& y) {
   });
 }
 
-// put(i, sum) for the sums of stage s of a tableau. Where they begin those of the next stage too, its place keeps these.
+// put(i, sum) for the sums of stage s of a tableau. Where they begin those of the next stage too, these wait in
+// stage_[s + 1], where nothing else is written before the next call.
 template <class Equation, class Method>
 template <class Q>
 void Integrator<Equation, Method>::sum_stages(int s, auto&& put) {
   const StagesAs<Q, State> stage{stage_};
   const int states = f_.states;
-  if (method_.begun[s]) {
+  if (method_.begun_before[s]) {
     const Q weight(method_.a[s][s - 1]);
     for (int i = 0; i < states; ++i) put(i, fused(weight, stage[s - 1][i], stage[s][i]));
-  } else if (s < last() && method_.begun[s + 1]) {
+  } else if (s < last() && method_.begun_before[s + 1]) {
     with_weighted_sums(s, {&method_.a[s], &method_.a[s + 1]}, stage, [&](auto&& with_sums) {
       for (int i = 0; i < states; ++i)
         with_sums(i, [&](const Q& sum, const Q& next) {
@@ -94,7 +95,7 @@ void Integrator<Equation, Method>::judge_stages(const State& y, Squares<P>& squa
   if constexpr (!std::is_same_v<Method, Tableau>) {
     for_each_index(f_.states, [&](auto i) { judge(i, std::identity{}, squares); });
   } else {
-    constexpr int block = 16;
+    constexpr int block = 2048 / sizeof(P);  // of each of ten arrays
     for (int first = 0; first < f_.states; first += block)
       for_each_part(f_.parts_in_use(), [&](Part part) {
         Squares<PartOf<P>> of_part{part(squares.error), part(squares.coarse), part(squares.start), part(squares.end)};

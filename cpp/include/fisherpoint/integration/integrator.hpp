@@ -177,9 +177,8 @@ class Integrator {
   [[gnu::noinline]] void judge_measured(const State& y);
 
   // An explicit step: explicit_step.hpp.
-  // Squares of the embedded error, of that of a coarser solution, and of the state at both ends, in scales.
   template <class Q>
-  struct Squares {
+  struct Squares {  // of its errors and the states at its ends, in scales
     Q error{0.0}, coarse{0.0}, start{0.0}, end{0.0};
   };
   void attempt_explicit(const State& y, State& middle);

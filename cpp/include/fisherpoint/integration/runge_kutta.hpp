@@ -78,9 +78,8 @@ auto weighted_sum(N n, const std::array<double, size>& weights, const auto& stag
 }
 
 // work(with_sums), where with_sums(i, take) calls take(sum, ...) with the weighted sums of entry i of the first n stages, one
-// for each row of weights. A stage is read once for all rows. Those that have a weight in any row are found once for all i, and
-// their number decides once between loops that are unrolled. (A weight of 0 times a stage that is not finite is not 0: rows
-// have weights where a step that has such a stage fails in any case.)
+// for each row of weights. All rows have weights for the same stages, and each of these is read once for all rows. They are
+// found once for all i, and their number decides once between loops that are unrolled.
 template <std::size_t rows, std::size_t size, class Q, class State>
 void with_weighted_sums(int n, const std::array<double, size>* const (&weights)[rows], const StagesAs<Q, State>& stage,
                         auto&& work) {
@@ -88,12 +87,12 @@ void with_weighted_sums(int n, const std::array<double, size>* const (&weights)[
   std::array<decltype(stage.stages->data()), size> states;
   int count = 0;
   for (int r = 0; r < n; ++r) {
-    bool any = false;
-    for (std::size_t row = 0; row < rows; ++row) any |= (weight[count][row] = (*weights[row])[r]) != 0;
-    if (any) states[count++] = stage.stages[r].data();
+    if ((*weights[0])[r] == 0) continue;
+    for (std::size_t row = 0; row < rows; ++row) weight[count][row] = (*weights[row])[r];
+    states[count++] = stage.stages[r].data();
   }
   const auto sums_of = [&](int i, auto terms, auto&& take) {
-    const auto at = [&]<std::size_t... row>(std::index_sequence<row...>) {
+    const auto add_up = [&]<std::size_t... row>(std::index_sequence<row...>) {
       std::array<Q, rows> sums{(weight[0][row] * read_as<Q>(states[0][i]))...};
       for_each_index(Count<1>{}, terms, [&](auto t) {
         const Q& value = read_as<Q>(states[t][i]);
@@ -101,7 +100,7 @@ void with_weighted_sums(int n, const std::array<double, size>* const (&weights)[
       });
       take(sums[row]...);
     };
-    at(std::make_index_sequence<rows>{});
+    add_up(std::make_index_sequence<rows>{});
   };
 #if !defined(FISHERPOINT_SANITIZED)  // hundreds of unrolled sums take minutes to compile with their checks
   for_each_index<static_cast<int>(size)>([&](auto before) {

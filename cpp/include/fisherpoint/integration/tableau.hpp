@@ -17,6 +17,7 @@ struct Tableau {
   double most_growth, allowed_estimate, allowed_of_rows, stability, beside_kink;
   std::array<std::array<double, most_stages - 1>, most_stages> a{};
   std::array<std::array<double, most_in_error + 2>, most_in_error> behind{};
+  std::array<bool, most_stages> begun_before{};  // whether the sum for stage s - 1 begins that for stage s; of every other one
 
   template <class Method>
   constexpr explicit Tableau(const Method& method)
@@ -30,11 +31,9 @@ struct Tableau {
         beside_kink(method.beside_kink) {
     for (int s = 0; s < stages; ++s) std::copy(method.a[s].begin(), method.a[s].end(), a[s].begin());
     for (int s = 0; s < in_error; ++s) std::copy(method.behind[s].begin(), method.behind[s].end(), behind[s].begin());
-    for (int s = stages - 2; s > 0; s -= 2) begun[s] = begins(s - 1, s);
+    for (int s = stages - 2; s > 0; s -= 2) begun_before[s] = begins(s - 1, s);
   }
 
-  // Whether the sum for stage s - 1 also begins that for stage s.
-  std::array<bool, most_stages> begun{};
   // What decides a step's error and end is the methods' own, to the last bit.
   auto end_of(const auto& stage, int i) const { return is_54() ? Of54::end_of(stage, i) : Of853::end_of(stage, i); }
   auto error_of(const auto& stage, int i) const { return is_54() ? Of54::error_of(stage, i) : Of853::error_of(stage, i); }
@@ -52,7 +51,9 @@ struct Tableau {
  private:
   using Of54 = StageSums<DormandPrince, false>;
   using Of853 = StageSums<DormandPrince853, false>;
-  // Whether both have weights for the same stages before s - 1, more than two: then less is read than is written in between.
+
+  // Whether both have weights for the same stages before s - 1. Only beyond two does that save more readings than the sum in
+  // between costs, which is written and read.
   constexpr bool begins(int before, int s) const {
     int terms = 0;
     for (int r = 0; r < before; ++r) {

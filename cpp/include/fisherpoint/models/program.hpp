@@ -75,7 +75,7 @@ inline bool adds_to(std::int32_t sum, const Instruction& i) {
       return false;
   }
 }
-inline bool begins_sum(Operation operation) {
+inline bool may_begin_sum(Operation operation) {
   using enum Operation;
   for (const Operation one : {add, sub, mul, mul_add, mul_sub, sub_mul})
     if (operation == one) return true;
@@ -87,7 +87,7 @@ inline void mark_sums(std::vector<Instruction>& instructions) {
   std::vector<Instruction> marked;
   for (auto first = instructions.begin(); first != instructions.end();) {
     auto end = first + 1;
-    if (begins_sum(first->operation))
+    if (may_begin_sum(first->operation))
       while (end != instructions.end() && adds_to(first->out, *end)) ++end;
     if (end - first > 1) marked.push_back({Operation::accumulate, first->out, static_cast<std::int32_t>(end - first), 0, 0});
     marked.insert(marked.end(), first, end);

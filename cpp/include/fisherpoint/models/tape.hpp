@@ -18,6 +18,7 @@
 #include "fisherpoint/models/dependence.hpp"
 #include "fisherpoint/models/program.hpp"
 #include "fisherpoint/models/shape.hpp"
+#include "fisherpoint/models/straight_functions.hpp"
 #include "fisherpoint/numbers/elimination_order.hpp"
 
 namespace fisherpoint {

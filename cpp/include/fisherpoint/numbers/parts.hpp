@@ -80,7 +80,7 @@ decltype(auto) read_as(const T& from) {
 }
 template <class T, class Q>
 void write_as(T& to, const Q& value) {
-  if constexpr (std::is_same_v<Q, T>)  // part by part, which stay in their registers
+  if constexpr (std::is_same_v<Q, T>)  // part by part: no whole pack goes through memory
     for_each_index<PartsOf<T>::count>([&](auto k) { PartsOf<T>::set(to, k, PartsOf<T>::get(value, k)); });
   else
     PartsOf<T>::set(to, 0, value);

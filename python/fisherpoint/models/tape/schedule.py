@@ -15,6 +15,12 @@ Steps = dict[int, FusedOperation]
 Registers = dict[int, int]  # by node
 Rows = list[list[int]]
 
+_SUM_IN: dict[str, Sequence[int]] = {"mul_add": (2,), "sub_mul": (2,), "add": (0, 1), "sub": (0,)}
+"""Operands that may be a sum to which the operation adds a term."""
+
+_BEGINS = frozenset({"add", "sub", "mul", "mul_add", "mul_sub", "sub_mul"})
+"""Operations that a sum may begin with."""
+
 
 def schedule(graph: Graph, results: Sequence[int]) -> Program:
     """Program that computes the given nodes."""
@@ -42,7 +48,7 @@ def schedule(graph: Graph, results: Sequence[int]) -> Program:
 def _allocate(steps: Steps, kept: Iterable[int], registers: Registers, first: int) -> tuple[Rows, int]:
     """Rows of the steps, and the end of the registers from `first` on that they write; a register is free after its last use.
 
-    What goes on with the sum of the step before keeps its register.
+    A step that adds a term to the sum of the step before writes to the same register.
     """
     uses = Counter(operand for step in steps.values() for operand in set(step.operands))
     uses.update(kept)  # one use that never comes
@@ -50,7 +56,7 @@ def _allocate(steps: Steps, kept: Iterable[int], registers: Registers, first: in
     before = None
     for node, step in steps.items():
         operands = [registers[operand] for operand in step.operands]
-        for operand in sorted(set(step.operands), key=lambda operand: operand == before):
+        for operand in sorted(set(step.operands), key=lambda operand: operand == before):  # the sum last: its register is taken
             uses[operand] -= 1
             if not uses[operand] and operand in steps:
                 free.append(registers[operand])
@@ -66,8 +72,8 @@ def _allocate(steps: Steps, kept: Iterable[int], registers: Registers, first: in
 def _sums(steps: Steps, kept: Iterable[int]) -> list[Steps]:
     """The steps in groups, each a sum that grows by a term with every step and is used nowhere else until it is whole.
 
-    The core keeps such a sum at hand instead of storing it. A group needs nothing that hangs on what it makes before its end, so
-    that groups can be carried out one after the other where steps can.
+    The core keeps such a sum at hand instead of storing it. No operand of a group depends on a partial sum of the same group: so
+    groups can be ordered as single steps can.
     """
     uses = Counter(operand for step in steps.values() for operand in step.operands)
     uses.update(kept)
@@ -75,11 +81,11 @@ def _sums(steps: Steps, kept: Iterable[int]) -> list[Steps]:
     written = dict(steps)
     for node, step in steps.items():
         for place in _SUM_IN.get(step.name, ()):
-            begun = step.operands[place]
-            if begun in steps and uses[begun] == 1 and steps[begun].name in _BEGINS:
-                next_of[begun] = node
+            partial = step.operands[place]
+            if partial in steps and uses[partial] == 1 and steps[partial].name in _BEGINS:
+                next_of[partial] = node
                 if step.name == "add":  # the sum first
-                    written[node] = FusedOperation("add", (begun, step.operands[1 - place]))
+                    written[node] = FusedOperation("add", (partial, step.operands[1 - place]))
                 break
     groups = []
     later = set(next_of.values())
@@ -91,29 +97,23 @@ def _sums(steps: Steps, kept: Iterable[int]) -> list[Steps]:
     return groups
 
 
-_SUM_IN: dict[str, Sequence[int]] = {"mul_add": (2,), "sub_mul": (2,), "add": (0, 1), "sub": (0,)}
-"""Operands that may be a sum to which the operation adds a term."""
-
-_BEGINS = frozenset({"add", "sub", "mul", "mul_add", "mul_sub", "sub_mul"})
-
-
 def _by_kind(groups: list[Steps]) -> Steps:
     """The steps in another order: as many groups of one kind as can be follow each other, so that few kinds have to be decoded."""
     group_of = {node: k for k, group in enumerate(groups) for node in group}
     missing = [0] * len(groups)
     users: list[list[int]] = [[] for _ in groups]
-    kinds = [tuple(step.name for step in group.values()) for group in groups]
+    kinds = [next(iter(group.values())).name if len(group) == 1 else "sum" for group in groups]
     for k, group in enumerate(groups):
         for other in {group_of[operand] for step in group.values() for operand in step.operands if operand in group_of} - {k}:
             users[other].append(k)
             missing[k] += 1
-    ready: dict[tuple[str, ...], deque[int]] = {kind: deque() for kind in kinds}
+    ready: dict[str, deque[int]] = {kind: deque() for kind in kinds}
     for k, kind in enumerate(kinds):
         if not missing[k]:
             ready[kind].append(k)
     ordered: Steps = {}
     while any(ready.values()):
-        kind = max(ready, key=lambda kind: len(kind) * len(ready[kind]))
+        kind = max(ready, key=lambda name: len(ready[name]))
         while ready[kind]:
             k = ready[kind].popleft()
             ordered |= groups[k]
