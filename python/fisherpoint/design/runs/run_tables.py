@@ -14,8 +14,8 @@ from ...show.numbers import number
 from ...show.section import Section
 from ..results.report import ROWS_OF_PAGES, kept_note
 
-ROWS, HOLDS = 40, 100
-"""Runs, and holds of inputs, that are shown of a longer list."""
+ROWS = 40
+"""Runs, and holds of inputs, that are shown of a longer list: results stand behind them."""
 
 WIDTH = 78
 """Characters of a line; tables that are wider are divided."""
@@ -64,7 +64,7 @@ def _held(model: Model, runs: Runs, sampled: Runs) -> Section:
         near = 0.5 * float(sampled.dt[k, sampled.dt[k] > 0].min())
         changes = np.flatnonzero((np.diff(runs.u[k, :n], axis=0) != 0).any(axis=1)) + 1
         for first, stop in zip([0, *changes.tolist()], [*changes.tolist(), n], strict=True):
-            if len(rows) == HOLDS:
+            if len(rows) == ROWS:
                 more += 1
                 continue
             place = str(first + 1) if stop == first + 1 else f"{first + 1} to {stop}"
