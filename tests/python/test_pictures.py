@@ -70,3 +70,16 @@ def test_the_shade_is_of_the_plants_that_are_still_there(share: float) -> None:
         expected = np.nanpercentile(paths, share, axis=1)
     assert np.isnan(expected[1, 3:]).all() and np.isfinite(expected[0]).all()
     np.testing.assert_allclose(_percentile(paths, share), expected, rtol=1e-14)
+
+
+def test_a_correlation_of_many_parameters_has_the_width_of_a_page_and_no_numbers() -> None:
+    from fisherpoint.show.parameter_pictures import MOST_WITH_NUMBERS, correlation_figure
+
+    for count in (MOST_WITH_NUMBERS, MOST_WITH_NUMBERS + 1, 54, 300):
+        names = [f"p_{i}" for i in range(count)]
+        figure = correlation_figure(np.eye(count), names, "Correlation", "none")
+        axes = figure.axes[0]
+        assert figure.get_size_inches()[0] < 13.0
+        assert len(axes.texts) == (count**2 if count <= MOST_WITH_NUMBERS else 0)
+        shown = [label.get_text() for label in axes.get_yticklabels()]
+        assert shown == names[:: round(count / len(shown))] and axes.get_yticklabels()[0].get_fontsize() >= 7.0

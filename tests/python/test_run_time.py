@@ -27,6 +27,14 @@ def test_other_runs_have_an_ordinary_axis() -> None:
     assert time.within(np.array([0.5, 1.0])) == pytest.approx([0.5, 1.0, 2.0, 3.0, 3.25, 3.5])
 
 
+@pytest.mark.parametrize("segments", [99, 100, 101])
+def test_segments_of_one_duration_have_an_ordinary_axis(segments: int) -> None:
+    """A hundred of 20 ms are each a hundredth of their run, or, by rounding, less."""
+    time = RunTime(np.full(segments, 0.02))
+    assert not time.by_segment and time.width == 0.0
+    assert time(np.array([1.0])) == pytest.approx([1.0 * time.factor])
+
+
 def test_a_single_segment_that_is_fast_at_first_has_a_logarithmic_axis() -> None:
     shares = np.array(shares_of(1))
     fast, slow = (1 - np.exp(-8000.0 * shares[:, None] / tau) for tau in (1.0, 3000.0))

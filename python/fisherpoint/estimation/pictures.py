@@ -21,7 +21,7 @@ from ..points.run_trajectories import checked_run_trajectories
 from ..points.runs import Runs
 from ..points.sampling import holds_of
 from ..points.settings import checked_arguments
-from ..show.parameter_pictures import draw_correlation
+from ..show.parameter_pictures import correlation_figure
 from ..show.style import (
     CRITERION,
     NOISE,
@@ -118,12 +118,7 @@ def plot_correlation(fit: FitStatistics) -> Figure:
     names, count = fit.common, len(fit.common)
     known = fit.precision.determined[:count]
     correlation = np.where(np.outer(known, known), fit.correlation[:count, :count], np.nan)
-    with mpl.rc_context({**STYLE, "axes.grid": False}):
-        figure = Picture(figsize=(2.6 + 0.52 * count, 1.6 + 0.5 * count), layout="constrained")
-        axes = figure.subplots()
-        axes.set_title("Correlation of the estimates")
-        draw_correlation(axes, correlation, names)
-    return figure
+    return correlation_figure(correlation, names, "Correlation of the estimates", "")
 
 
 def ellipse(covariance: NDArray[Any], quantile: float, count: int = 181) -> NDArray[np.float64]:

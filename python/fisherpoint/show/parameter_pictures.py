@@ -65,11 +65,19 @@ def share_axis(axes: Axes, names: Sequence[str]) -> None:
     axes.grid(axis="y", visible=False)
 
 
+MOST_WITH_NUMBERS = 20
+"""Parameters up to which a correlation matrix has its numbers; more have a page's width by their colours alone."""
+
+CELL, LEAST_CELL, WIDEST = 0.5, 0.16, 9.0
+"""Inches of a matrix's cell, of one that has room for its parameter's name, and of a whole matrix without numbers."""
+
+
 def correlation_figure(correlation: Array | None, names: Sequence[str], title: str, otherwise: str) -> Figure:
     """A picture of a correlation matrix (p, p) alone; where there is none, a sentence."""
     count = len(names)
+    cell = CELL if count <= MOST_WITH_NUMBERS else WIDEST / count
     with mpl.rc_context({**STYLE, "axes.grid": False}):
-        size = (6.0, 1.5) if correlation is None else (2.2 + 0.52 * count, 1.6 + 0.5 * count)
+        size = (6.0, 1.5) if correlation is None else (2.2 + 1.04 * cell * count, 1.6 + cell * count)
         figure = Picture(figsize=size, layout="constrained")
         axes = figure.subplots()
         axes.set_title(title)
@@ -77,20 +85,22 @@ def correlation_figure(correlation: Array | None, names: Sequence[str], title: s
             axes.text(0.5, 0.5, otherwise, ha="center", va="center", transform=axes.transAxes)
             axes.set_axis_off()
         else:
-            draw_correlation(axes, np.asarray(correlation), names)
+            _draw_correlation(axes, np.asarray(correlation), names, cell)
     return figure
 
 
-def draw_correlation(axes: Axes, correlation: Array, names: Sequence[str]) -> None:
-    """Draw a matrix (p, p) with its numbers and a scale; entries that are not finite stay blank."""
+def _draw_correlation(axes: Axes, correlation: Array, names: Sequence[str], cell: float) -> None:
+    """Draw a matrix (p, p) with a scale, and numbers where there is room; entries that are not finite stay blank."""
     count = len(names)
     image = axes.imshow(correlation, cmap="RdBu_r", vmin=-1, vmax=1)
-    for i, j in np.argwhere(np.isfinite(correlation)).tolist():
+    for i, j in np.argwhere(np.isfinite(correlation)).tolist() if count <= MOST_WITH_NUMBERS else []:
         color = "white" if abs(correlation[i, j]) > 0.6 else TEXT
         text = "1" if i == j else f"{correlation[i, j]:.2f}".replace("-0.00", "0.00")
         axes.text(j, i, text, ha="center", va="center", color=color, fontsize=8)
-    axes.set_xticks(range(count), names, rotation=45, ha="right", rotation_mode="anchor")
-    axes.set_yticks(range(count), names)
+    every = int(np.ceil(LEAST_CELL / cell))
+    size = min(9.0, 72 * 0.7 * cell * every)
+    axes.set_xticks(range(0, count, every), names[::every], rotation=45, ha="right", rotation_mode="anchor", fontsize=size)
+    axes.set_yticks(range(0, count, every), names[::every], fontsize=size)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     axes.figure.colorbar(image, ax=axes, shrink=0.8, label="correlation", ticks=[-1, -0.5, 0, 0.5, 1])

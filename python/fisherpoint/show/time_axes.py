@@ -118,6 +118,9 @@ ALONG = tuple(np.unique(np.concatenate([np.geomspace(1e-7, 1.0, 99), np.linspace
 SHORTEST = 0.01
 """Share of a run below which a segment is no more than a line in a picture of the whole."""
 
+ALIKE = 0.5
+"""Shortest over longest segment from which on an ordinary axis shows all of them as well."""
+
 WIDTH = 0.42
 """Inches of a segment with its duration below it."""
 
@@ -137,9 +140,9 @@ def shares_of(segments: int) -> tuple[float, ...]:
 class RunTime:
     """Positions at which the instants of a run are drawn.
 
-    A single segment that is fast at first has a logarithmic axis, as a point has. A run with a segment below `SHORTEST` of it, and
-    `MOST_WIDE` at most, has an axis on which all segments are equally wide, with their durations written below; within a segment it
-    is linear. Any other run has an ordinary axis.
+    A single segment that is fast at first has a logarithmic axis, as a point has. A run of segments of different durations, one
+    below `SHORTEST` of the run, and `MOST_WIDE` at most, has an axis on which all segments are equally wide, with their durations
+    written below; within a segment it is linear. Any other run has an ordinary axis.
 
     Parameters
     ----------
@@ -152,7 +155,8 @@ class RunTime:
     def __init__(self, durations: Array, outputs: Array | None = None) -> None:
         self.durations = durations
         self.ends = np.concatenate([[0.0], np.cumsum(durations)])
-        self.by_segment = len(durations) <= MOST_WIDE and bool(durations.min() < SHORTEST * self.ends[-1])
+        least, most = durations.min(), durations.max()
+        self.by_segment = len(durations) <= MOST_WIDE and bool(least < SHORTEST * self.ends[-1] and least < ALIKE * most)
         self.is_log = len(durations) == 1 and outputs is not None and is_fast(outputs, ALONG)
         self.first = float(durations[0]) * ALONG[begin(outputs)] if self.is_log and outputs is not None else 0.0
         self.factor, self.unit = scale(Quantity("t", "s"), self.ends[-1])
