@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import warnings
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -83,3 +84,24 @@ def test_a_correlation_of_many_parameters_has_the_width_of_a_page_and_no_numbers
         assert len(axes.texts) == (count**2 if count <= MOST_WITH_NUMBERS else 0)
         shown = [label.get_text() for label in axes.get_yticklabels()]
         assert shown == names[:: round(count / len(shown))] and axes.get_yticklabels()[0].get_fontsize() >= 7.0
+
+
+def test_trajectories_of_many_outputs_stand_in_bands_below_each_other() -> None:
+    from fisherpoint.design.results.evaluated_points import evaluate_points
+    from fisherpoint.design.results.pictures_trajectories import plot_trajectories
+    from fisherpoint.show.panels import COLUMNS, MOST_PANELS
+
+    model = fp.SymbolicModel(["-k*x"], [f"x + {i}" for i in range(20)], {"x": "1"}, {}, {"k": "1/s"}, check_units=False)
+    prior = fp.GaussianPrior({"k": 1.0}, relative_std={"k": 0.1})
+    problem = fp.DesignProblem(model, prior, None, noise=dict.fromkeys([q.name for q in model.outputs], 0.1))
+    points = fp.Experiments(np.arange(1.0, 11.0)[:, None], np.zeros((10, 0)), np.linspace(0.5, 1.0, 10))
+    figure = plot_trajectories(evaluate_points(problem, points))
+    panels = [axes for axes in figure.axes if axes.lines]
+    assert len(panels) == len(figure.axes) == 20 * (MOST_PANELS // 20)
+    lefts = {round(axes.get_position().x0, 6) for axes in panels}
+    assert len(lefts) == 5 <= COLUMNS and figure.get_size_inches()[0] < 16.0
+    titles = {axes.get_title(): axes.get_position() for axes in panels if axes.get_title()}
+    assert len(titles) == 20
+    boxes = sorted((axes.get_position() for axes in panels), key=lambda box: (round(box.x0, 6), -box.y0))
+    assert all(below.y1 < above.y0 for above, below in pairwise(boxes) if round(above.x0, 6) == round(below.x0, 6))
+    assert min(box.y0 for box in boxes) > 0 and max(box.y1 for box in boxes) < 1

@@ -7,9 +7,7 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from ...basics.quantity import Quantity
@@ -17,6 +15,7 @@ from ...information.draws import drawn_from_prior
 from ...information.problem import DesignProblem
 from ...noise.models import nominal_std
 from ...points.experiments import Experiments
+from ...show.panels import BAND, COLUMNS, MOST_PANELS, few_ticks, place_panels
 from ...show.style import NOISE, STYLE, TEXT, Picture, labelled, said, scale, show_under_mouse
 from ...show.time_axes import begin, duration, is_fast, make_logarithmic
 from .evaluated_points import EvaluatedPoints
@@ -51,18 +50,21 @@ class _Row(NamedTuple):
 def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int = 200, seed: int = 0) -> Figure:
     """Every point's outputs over time with their spread over the prior: a row per point, or of points alike, a column per output.
 
+    Outputs that do not fit side by side follow below, with the same rows.
+
     Parameters
     ----------
     design
         A design or evaluated points.
     max_points
-        So many points are shown, from the first on.
+        So many points are shown, from the first on, or fewer where there are many outputs.
     plants
         So many are drawn from the prior; the shade is their 5 to 95 % range.
     seed
         Of that draw.
     """
-    model, points = design.problem.model, design.points[:max_points]
+    model = design.problem.model
+    points = design.points[: min(max_points, max(1, MOST_PANELS // len(model.outputs)))]
     title = "Trajectories" if len(points) == len(design.points) else f"Trajectories of the first {len(points)} points"
     groups = _alike(points.table)
     points = points[[group[0] for group in groups]]
@@ -73,15 +75,20 @@ def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int
     one_unit = len({line.unit for line in lines}) == 1 and not any(line.is_log for line in lines)
 
     with mpl.rc_context({**STYLE, "font.size": 8.0}):
-        width = max(2.5 * len(model.outputs) + 0.6, 5.6)  # the legend needs that
-        figure = Picture(figsize=(width, (1.25 if one_unit else 1.45) * len(points) + 1.0))
-        grid, titles = figure.subplots(len(points), len(model.outputs), squeeze=False), []
+        bands = -(-len(model.outputs) // COLUMNS)
+        columns = -(-len(model.outputs) // bands)
+        width = max(2.5 * columns + 0.6, 5.6)  # the legend needs that
+        figure = Picture(figsize=(width, bands * ((1.25 if one_unit else 1.45) * len(points) + BAND) + 1.0 - BAND))
+        # (band, point, column)
+        grid = figure.subplots(bands * len(points), columns, squeeze=False).reshape(bands, len(points), columns)
+        titles: list[str] = []
         handles: dict[str, Any] = {}
         for j, output in enumerate(model.outputs):
             std = noise.get(output.name, 0.0)
             factor, unit = scale(output, np.concatenate([[std], *(row.mean[:, j] for row in lines)]))
             titles.append(labelled(output.name, unit))
-            for axes, row, group, start, dt in zip(grid[:, j], lines, groups, starts, points.dt, strict=True):
+            panels = grid[j // columns, :, j % columns]
+            for axes, row, group, start, dt in zip(panels, lines, groups, starts, points.dt, strict=True):
                 shade = {"color": NOISE, "alpha": 0.3, "linewidth": 0}
                 band = axes.fill_between(row.time, factor * row.low[:, j], factor * row.high[:, j], **shade)
                 (line,) = axes.plot(row.time, factor * row.mean[:, j], color=NOISE, linewidth=1.3)
@@ -93,7 +100,7 @@ def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int
                         color=TEXT, fmt=".", markersize=4, capsize=2, linewidth=1,
                     )  # fmt: skip
                     handles["sample, with one std of the noise"] = bar
-                _few_ticks(axes)
+                few_ticks(axes)
                 if row.is_log:
                     make_logarithmic(axes, row.time[0], row.time[-1] * 1.4, most=4)
         ncols = 3 if width > 6.5 else 2
@@ -101,20 +108,22 @@ def plot_trajectories(design: EvaluatedPoints, max_points: int = 24, plants: int
             list(handles.values()), list(handles), loc="upper left", ncols=ncols, title=title, alignment="left", borderaxespad=0.2
         )
         above = 0.46 + 0.16 * -(-len(handles) // ncols)
-        _place(figure, grid, titles, above, 0.3 if one_unit else 0.5)
-        for k, axes in enumerate(grid[:, 0]):
-            place = (0.06 / width, axes.get_position().y0 + axes.get_position().height / 2)
+        for axes in grid[-1, :, len(model.outputs) - (bands - 1) * columns :].ravel():
+            axes.remove()
+        place_panels(figure, grid, titles, above, 0.3 if one_unit else 0.5)
+        for band, k in np.ndindex(bands, len(points)):
+            first = grid[band, k, 0].get_position()
             numbers = [str(number + 1) for number in groups[k]]
             label = "\n".join(numbers if len(numbers) <= MOST_NUMBERS else [*numbers[: MOST_NUMBERS - 1], "…"])
+            place = (0.06 / width, first.y0 + first.height / 2)
             figure.text(*place, label, ha="left", va="center", fontsize=11, fontweight="bold")
-        for k, (panels, row) in enumerate(zip(grid, lines, strict=True)):
-            for axes in panels:
+            for axes in grid[band, k]:
                 # Without a label, its distance from all numbers must not be computed: that takes time.
                 axes.yaxis.set_label_coords(0.0, 0.5)
-                if one_unit and k + 1 < len(grid):
+                if one_unit and k + 1 < len(points):
                     axes.xaxis.set_label_coords(0.5, 0.0)
                 else:
-                    axes.set_xlabel("t, logarithmic" if row.is_log else f"t [{row.unit}]", labelpad=1)
+                    axes.set_xlabel("t, logarithmic" if lines[k].is_log else f"t [{lines[k].unit}]", labelpad=1)
     return figure
 
 
@@ -178,39 +187,3 @@ def _curve_label(group: Sequence[int], output: Quantity, ends: Sequence[float], 
     of = f"point {group[0] + 1}" if len(group) == 1 else f"points {', '.join(str(k + 1) for k in group)}"
     start, end = (said(output, value) for value in ends)
     return f"{of}: {output.name} is {start} at the start, {end} after {duration(dt)}, at the prior mean"
-
-
-def _place(figure: Figure, grid: NDArray[Any], titles: Sequence[str], above: float, between: float) -> None:
-    """Give many small panels the room that their labels need, estimated from the number of characters.
-
-    A layout engine would measure each label several times, which takes longer than all else that a command does with the design.
-    Lengths are in inches.
-    """
-    digit = 0.65 * 8 / 72
-    width, height = figure.get_size_inches()
-    room = [max(_label_length(axes) for axes in column) * digit + 0.16 for column in grid.T]
-    room[0] += 0.28  # the number of the point
-    panel = max((width - sum(room) - 0.18) / len(room), 0.5)
-    below = 0.4  # for labels
-    row = (height - above - below + between) / len(grid)
-    for j, title in enumerate(titles):
-        left = sum(room[: j + 1]) + panel * j
-        for k, axes in enumerate(grid[:, j]):
-            bottom = below + (len(grid) - 1 - k) * row
-            axes.set_position((left / width, bottom / height, panel / width, (row - between) / height))
-        grid[0, j].set_title(title, loc="center")
-
-
-def _label_length(axes: Axes) -> int:
-    """Characters of the longest number at the vertical axis."""
-    low, high = sorted(axes.get_ylim())
-    places = [place for place in axes.yaxis.get_majorticklocs() if low <= place <= high]
-    return max(map(len, axes.yaxis.get_major_formatter().format_ticks(places)), default=1)
-
-
-def _few_ticks(axes: Axes) -> None:
-    """Few ticks, and these alone: a locator is called again and again, and names some out of sight, which are made all the same."""
-    axes.margins(x=0.03, y=0.12)
-    for axis, (low, high), most in ((axes.xaxis, axes.get_xlim(), 4), (axes.yaxis, axes.get_ylim(), 3)):
-        axis.set_ticks([place for place in MaxNLocator(most).tick_values(low, high) if low <= place <= high])
-    axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
