@@ -142,7 +142,8 @@ def hexapod(variant: int = 54, friction: str = "tanh", names: bool = True) -> An
         spin = (fp.math.sin(s.roll) * w[1] + fp.math.cos(s.roll) * w[2]) / fp.math.cos(s.pitch)
         angles = [w[0] + fp.math.sin(s.pitch) * spin, fp.math.cos(s.roll) * w[1] - fp.math.sin(s.roll) * w[2], spin]
         measured = [getattr(s, f"{k}{i}") for k in ("p_A", "p_B", "x_v") for i in LEGS]
-        return [*(turn @ v), *angles, *dv, *dw, *legs], [*lengths, *measured]
+        positive = [leg(name, i) for name in ("V_0A", "V_0B", "T_1") for i in LEGS]  # which fits keep to
+        return [*(turn @ v), *angles, *dv, *dw, *legs], [*lengths, *measured], positive
 
     options: dict[str, Any] = {"states": states, "inputs": {f"u{i}": "1" for i in LEGS}, "outputs": outputs}
     options |= {"parameters": {k: unit for k, (_, unit, _) in parameters(variant).items()}, "constants": constants}
