@@ -36,7 +36,7 @@ template <class Q>
 void Integrator<Equation, Method>::find_stages(const State& y) {
   const bool slide = f_.holds_end > 0 && slide_;
   const Side at = slide ? beside<P>(f_, side_, 1.0) : side_;
-  const StagesAs<Q, State> stage{stage_};
+  const StagesAs<Q, State> stage{{}, stage_};
   const auto& step = read_as<Q>(step_);
   for_each_index(last(), [&](auto previous) {
     const auto s = after(previous);
@@ -56,7 +56,7 @@ void Integrator<Equation, Method>::find_stages(const State& y) {
 template <class Equation, class Method>
 template <class Q>
 void Integrator<Equation, Method>::sum_stages(int s, auto&& put) {
-  const StagesAs<Q, State> stage{stage_};
+  const StagesAs<Q, State> stage{{}, stage_};
   const int states = f_.states;
   if (method_.begun_before[s]) {
     const Q weight(method_.a[s][s - 1]);
@@ -112,7 +112,7 @@ void Integrator<Equation, Method>::judge_stages(const State& y, Squares<P>& squa
 template <class Equation, class Method>
 template <class Q>
 void Integrator<Equation, Method>::find_middle(const State& y, State& middle) const {
-  const StagesAs<Q, State> stage{stage_};
+  const StagesAs<Q, State> stage{{}, stage_};
   for_each_index(f_.states, [&](auto i) {
     const Q bow = 0.125 * (stage[0][i] - stage[last()][i]) + method_.bow_of(stage, i);
     write_as(middle[i], fused(read_as<Q>(step_), bow, 0.5 * (read_as<Q>(y[i]) + read_as<Q>(end_[i]))));

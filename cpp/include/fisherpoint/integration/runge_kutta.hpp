@@ -26,31 +26,21 @@
 
 namespace fisherpoint {
 
-// The states of a stage, and the stages, read as Q (parts.hpp).
-template <class Q, class State>
-struct StatesAs {
-  const State& states;
-  decltype(auto) operator[](int i) const { return read_as<Q>(states[i]); }
-};
-template <class Q, class State>
-struct StagesAs {
-  const State* stages;
-  StatesAs<Q, State> operator[](int s) const { return {stages[s]}; }
-};
-
-// The same, read by a function.
+// The states of a stage, and the stages, read by a function: as Q, or one part after the other (parts.hpp).
 template <class Read, class State>
 struct StatesBy {
-  const Read& read;
+  Read read;
   const State& states;
   decltype(auto) operator[](int i) const { return read(states[i]); }
 };
 template <class Read, class State>
 struct StagesBy {
-  const Read& read;
+  Read read;
   const State* stages;
   StatesBy<Read, State> operator[](int s) const { return {read, stages[s]}; }
 };
+template <class Q, class State>
+using StagesAs = StagesBy<ReadAs<Q>, State>;
 
 // start plus entry i of stages `first` to n - 1, each times its weight; what has no weight is not computed. Where n is no Count
 // the sum is a loop, over one vector of a pack at a time, so that it stays in its register.

@@ -78,6 +78,13 @@ decltype(auto) read_as(const T& from) {
   else
     return PartsOf<T>::get(from, 0);
 }
+template <class Q>
+struct ReadAs {
+  template <class T>
+  decltype(auto) operator()(const T& from) const {
+    return read_as<Q>(from);
+  }
+};
 template <class T, class Q>
 void write_as(T& to, const Q& value) {
   if constexpr (std::is_same_v<Q, T>)  // part by part: no whole pack goes through memory
