@@ -137,6 +137,7 @@ class Tangents {
   // A lane whose step is 0 stays as it is; those of `beside` begin or end on a kink. With `dense`, a method's that has it, x
   // and S are known within the step.
   FISHERPOINT_HOT void advance(const P& step, const Side& side, const Mask& beside = lanes_of<P>::none(), bool dense = false) {
+    if (!dense && !any(step > P(0.0))) return;
     beside_ = beside;
     dense_ = dense;
     see_slides(side);
