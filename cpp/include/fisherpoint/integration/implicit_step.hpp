@@ -72,11 +72,13 @@ class ImplicitStep {
         right_complex_(n_),
         signs_(2 * n_),
         known_(2 * n_, P(1.0)) {
+    for (int i = 0; i < n_; ++i) scales_.push_back(1.0 / f.inverse_scale(i));
     at_place_.resize(real_.places());
     for (int e = 0; e < f.slopes(); ++e) {
       const auto [i, k] = f.slope(e);
       entries_.push_back({i, k, f.inverse_scale(i) * scale(k)});
-      at_place_[real_.place(i, k)].entry = e;
+      AtPlace& here = at_place_[real_.place(i, k)];
+      here.entry = e, here.scales = entries_[e].scales;
     }
     for (int i = 0; i < n_; ++i) at_place_[real_.place(i, i)].diagonal = 1.0;
     for (auto* increments : {&z_, &w_, &f_z_, &cubic_})
@@ -99,10 +101,10 @@ class ImplicitStep {
     step_ = select(lanes, step, P(0.0));
     linearise_start(lanes, y, side);
     factorise_real(start_);
-    complex_.factorise([&](Part part, int place) {
-      const auto [diagonal, entry] = at_place_[place];
-      const OfPart real(diagonal * Radau::part_re), imaginary(diagonal * Radau::part_im);
-      return PartOf<Complex<P>>{entry < 0 ? real : coupled(part, real, start_, entry), imaginary};
+    complex_.factorise([&](int place) {
+      const auto real = entry_of(start_, at_place_[place], Radau::part_re);
+      const double imaginary = at_place_[place].diagonal * Radau::part_im;
+      return [=](Part part) { return PartOf<Complex<P>>{real(part), OfPart(imaginary)}; };
     });
     begin_iteration();
     iterate(lanes, y, side, weight, sharper * sharper);
@@ -194,7 +196,7 @@ class ImplicitStep {
   void solve_real(P* b) const { real_.solve(b); }
 
  private:
-  double scale(int i) const { return 1.0 / f_.inverse_scale(i); }
+  double scale(int i) const { return scales_[i]; }
   P& f_y_of(int i) { return f_z_[0][i]; }
 
   void in_parts(auto&& work) const { for_each_part(f_.parts_in_use(), work); }
@@ -203,6 +205,11 @@ class ImplicitStep {
     return fused(OfPart(weights[2]), part(of[2][i]), fused(OfPart(weights[1]), part(of[1][i]), first));
   }
 
+  struct AtPlace {
+    double diagonal = 0.0;  // of the unit matrix
+    double scales = 0.0;    // the rate's over the state's
+    int entry = -1;         // of f_x, if there is one
+  };
   // f_x somewhere.
   struct Linearised {
     State x;
@@ -213,12 +220,15 @@ class ImplicitStep {
   OfPart coupled(Part part, const OfPart& from, const Linearised& at, std::size_t e) const {
     return fused(-(part(step_) * part(at.f_x[e])), OfPart(entries_[e].scales), from);
   }
+  // What is at a place of `real` - h f_x.
+  auto entry_of(const Linearised& at, const AtPlace& place, double real) const {
+    const P* const slope = place.entry < 0 ? nullptr : &at.f_x[place.entry];
+    return [=, this, diagonal = place.diagonal * real, scales = place.scales](Part part) {
+      return slope ? fused(-(part(step_) * part(*slope)), OfPart(scales), OfPart(diagonal)) : OfPart(diagonal);
+    };
+  }
   void factorise_real(const Linearised& at) {
-    real_.factorise([&](Part part, int place) {
-      const auto [diagonal, entry] = at_place_[place];
-      const OfPart real(diagonal * Radau::real);
-      return entry < 0 ? real : coupled(part, real, at, entry);
-    });
+    real_.factorise([&](int place) { return entry_of(at, at_place_[place], Radau::real); });
   }
   Mask is_at(const Linearised& place, const State& x, const Side& side) const {
     Mask same = !Lanes::none();
@@ -369,11 +379,8 @@ class ImplicitStep {
     int row, column;
     double scales;  // the rate's over the state's
   };
+  std::vector<double> scales_;  // of the states
   std::vector<EntryOfSlopes> entries_;
-  struct AtPlace {
-    double diagonal = 0.0;  // of the unit matrix
-    int entry = -1;         // of f_x, if there is one
-  };
   std::vector<AtPlace> at_place_;  // of both systems
   Linearised start_, end_;         // of the step
   ShelfVector<P> right_;

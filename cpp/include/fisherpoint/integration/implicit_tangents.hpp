@@ -79,10 +79,12 @@ class ImplicitTangents {
       for (int i = 0; i < n_; ++i) at_[i] = to_.x[i] + step_.increment(r, i);
       f_.linearise(at_, side, rate_, jacobian_[r]);
     }
-    system_.factorise([&](Part part, int place) {
+    system_.factorise([&](int place) {
       const AtPlace& here = at_place_[place];
-      const PartOf<P> constant(here.constant);
-      return here.slope ? fused(-(part(step) * part(*here.slope)), PartOf<P>(here.scales), constant) : constant;
+      return [&](Part part) {
+        const PartOf<P> constant(here.constant), scales(here.scales);
+        return here.slope ? fused(-(part(step) * part(*here.slope)), scales, constant) : constant;
+      };
     });
     for (int j = 0; j < f_.parameters; ++j) advance_column(j, step, moves);
     for (int i = 0; i < n_; ++i) to_.x[i] = select(moves, to_.x[i] + step_.increment(stages - 1, i), to_.x[i]);

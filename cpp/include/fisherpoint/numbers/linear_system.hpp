@@ -34,18 +34,25 @@ class LinearSystem {
   int place(int i, int k) const { return order_ ? order_->number(i, k) : i * n_ + k; }
   int places() const { return order_ ? order_->numbers : n_ * n_; }
 
-  // Of the matrix that has entry(part, place) at a place.
+  // Of the matrix that has entry(place)(part) at a place.
   FISHERPOINT_HOT void factorise(auto&& entry) {
     if (!order_) {
-      for (int place = 0; place < places(); ++place)
-        for_each_part(PartsOf<T>::count, [&](Part part) { part.set(full_->entries()[place], entry(part, place)); });
+      for (int place = 0; place < places(); ++place) {
+        const auto of_parts = entry(place);
+        for_each_part(PartsOf<T>::count, [&](Part part) { part.set(full_->entries()[place], of_parts(part)); });
+      }
       return full_->factorise();
     }
-    for (int place = 0; place < places(); ++place)
-      for_each_part(parts_, [&](Part part) { part.set(numbers_[place], entry(part, place)); });
     weak_ = lanes_of<P>::none();
-    find_largest();
-    for (const auto& pivot : order_->pivots) eliminate(pivot);
+    largest_.assign(n_, P(0.0));
+    on_parts([&](auto parts) {
+      int filled = 0;
+      for (const auto& pivot : order_->pivots) {
+        // Up to what it changes, and no further: that is still in a cache then.
+        for (const int end = order_->end_of(pivot); filled < end; ++filled) fill(parts, order_->pivots[filled], filled, entry);
+        eliminate(parts, pivot);
+      }
+    });
     any_weak_ = any(weak_);
     if (any_weak_) fall_back(entry);
   }
@@ -70,60 +77,65 @@ class LinearSystem {
       of_weak_.assign(b, b + n_);
       full_->solve(of_weak_.data());
     }
-    solve_in_order(b);
+    on_parts([&](auto parts) { solve_in_order(parts, b); });
     for (int i = 0; any_weak_ && i < n_; ++i) b[i] = detail::chosen(weak_, of_weak_[i], b[i]);
   }
 
  private:
-  void solve_in_order(T* b) const {
-    for (const auto& pivot : order_->pivots) {
-      const int m = static_cast<int>(pivot.rows.size());
-      const T* const column = &numbers_[pivot.first] + 1 + m;
-      for_each_part_apart<P>(parts_, [&](Part part) {
-        const auto known = part(b[pivot.row]);
-        for (int i = 0; i < m; ++i) {
-          T& other = b[pivot.rows[i]];
-          part.set(other, detail::less_product(part(other), part(column[i]), known));
-        }
-      });
-    }
-    for (auto pivot = order_->pivots.rbegin(); pivot != order_->pivots.rend(); ++pivot) {
-      const int m = static_cast<int>(pivot->rows.size());
-      const T* const row = &numbers_[pivot->first];
-      for_each_part_apart<P>(parts_, [&](Part part) {
-        auto sum = part(b[pivot->row]);
-        for (int i = 0; i < m; ++i) sum = detail::less_product(sum, part(row[1 + i]), part(b[pivot->rows[i]]));
-        part.set(b[pivot->row], detail::product(sum, part(row[0])));
-      });
-    }
+  static constexpr int most_parts = PartsOf<T>::count;
+  using Real = PartOf<P>;
+
+  // work(parts) with how many are in use, which is known to the compiler where it is all of them.
+  void on_parts(auto&& work) const { parts_ == most_parts ? work(Count<most_parts>{}) : work(parts_); }
+  static void for_each_of(auto parts, auto&& work) {
+    for_each_index(parts, [&](int k) { work(Part(k), k); });
   }
 
-  // The largest entry of every row, by places in the order.
-  void find_largest() {
-    largest_.resize(n_);
-    for (int k = 0; k < n_; ++k)
-      for_each_part_apart<P>(
-          parts_, [&](Part part) { part.set(largest_[k], detail::magnitude(part(numbers_[order_->pivots[k].first]))); });
-    for (int k = 0; k < n_; ++k) {
-      const auto& pivot = order_->pivots[k];
-      const int m = static_cast<int>(pivot.behind.size());
-      const T* const entry = &numbers_[pivot.first] + 1;
-      for (int i = 0; i < m; ++i) {
-        P &own = largest_[k], &of_other = largest_[pivot.behind[i]];
-        for_each_part_apart<P>(parts_, [&](Part part) {
-          part.set(own, max(part(own), detail::magnitude(part(entry[i]))));
-          part.set(of_other, max(part(of_other), detail::magnitude(part(entry[m + i]))));
-        });
+  void solve_in_order(auto parts, T* b) const {
+    const int* const rows = order_->rows.data();
+    PartOf<T> known[most_parts];
+    for (const auto& pivot : order_->pivots) {
+      const T* const column = &numbers_[pivot.first] + 1 + pivot.others;
+      for_each_of(parts, [&](Part part, int k) { known[k] = part(b[pivot.row]); });
+      for (int i = 0; i < pivot.others; ++i) {
+        T& other = b[rows[pivot.at + i]];
+        for_each_of(parts,
+                    [&](Part part, int k) { part.set(other, detail::less_product(part(other), part(column[i]), known[k])); });
       }
     }
+    for (auto pivot = order_->pivots.rbegin(); pivot != order_->pivots.rend(); ++pivot) {
+      const T* const row = &numbers_[pivot->first];
+      for_each_of(parts, [&](Part part, int k) { known[k] = part(b[pivot->row]); });
+      for (int i = 0; i < pivot->others; ++i) {
+        const T& other = b[rows[pivot->at + i]];
+        for_each_of(parts, [&](Part part, int k) { known[k] = detail::less_product(known[k], part(row[1 + i]), part(other)); });
+      }
+      for_each_of(parts, [&](Part part, int k) { part.set(b[pivot->row], detail::product(known[k], part(row[0]))); });
+    }
   }
 
-  void eliminate(const EliminationOrder::Pivot& pivot) {
-    using Real = PartOf<P>;
-    const int m = static_cast<int>(pivot.behind.size());
+  // What a pivot, at this place, has of the matrix; and the largest entry of every row, by places in the order.
+  void fill(auto parts, const EliminationOrder::Pivot& pivot, int at, auto&& entry) {
+    const auto put = [&](int place, int row) {
+      const auto of_parts = entry(place);
+      for_each_of(parts, [&](Part part, int) {
+        const PartOf<T> value = of_parts(part);
+        part.set(numbers_[place], value);
+        part.set(largest_[row], max(part(largest_[row]), detail::magnitude(value)));
+      });
+    };
+    const int row = pivot.first + 1, column = row + pivot.others;
+    put(pivot.first, at);
+    for (int i = 0; i < pivot.others; ++i) put(row + i, at);
+    for (int i = 0; i < pivot.others; ++i) put(column + i, order_->behind[pivot.at + i]);
+  }
+
+  void eliminate(auto parts, const EliminationOrder::Pivot& pivot) {
+    const int m = pivot.others;
     T* const diagonal = &numbers_[pivot.first];
     T *const row = diagonal + 1, *const column = row + m;
-    for_each_part_apart<P>(parts_, [&](Part part) {
+    const int* const behind = order_->behind.data() + pivot.at;
+    for_each_of(parts, [&](Part part, int) {
       Real in_row = detail::magnitude(part(*diagonal));
       auto weak = part(weak_) | ((in_row <= Real(0.0)) & (in_row >= Real(0.0)));
       for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(part(row[i])));
@@ -132,16 +144,17 @@ class LinearSystem {
       for (int i = 0; i < m; ++i) {
         const auto factor = detail::product(part(column[i]), inverse);
         part.set(column[i], factor);
-        weak = weak | (detail::magnitude(factor) * in_row > most_growth * part(largest_[pivot.behind[i]]));
+        weak = weak | (detail::magnitude(factor) * in_row > most_growth * part(largest_[behind[i]]));
       }
       part.set(weak_, weak);
     });
-    const int* target = pivot.targets.data();
+    const int* target = order_->targets.data() + pivot.target;
     for (int i = 0; i < m; ++i)
       for (int k = 0; k < m; ++k, ++target) {
-        T& entry = numbers_[*target];
-        for_each_part_apart<P>(
-            parts_, [&](Part part) { part.set(entry, detail::less_product(part(entry), part(column[i]), part(row[k]))); });
+        T& number = numbers_[*target];
+        for_each_of(parts, [&](Part part, int) {
+          part.set(number, detail::less_product(part(number), part(column[i]), part(row[k])));
+        });
       }
   }
 
@@ -149,15 +162,15 @@ class LinearSystem {
     if (!full_) full_.emplace(n_);
     full_->clear();
     const auto put = [&](int i, int k, int place) {
-      for_each_part(parts_, [&](Part part) { part.set((*full_)(i, k), entry(part, place)); });
+      const auto of_parts = entry(place);
+      for_each_part(parts_, [&](Part part) { part.set((*full_)(i, k), of_parts(part)); });
     };
     for (const auto& pivot : order_->pivots) {
-      const int m = static_cast<int>(pivot.behind.size());
       put(pivot.row, pivot.row, pivot.first);
-      for (int k = 0; k < m; ++k) {
-        const int other = pivot.rows[k];
+      for (int k = 0; k < pivot.others; ++k) {
+        const int other = order_->rows[pivot.at + k];
         put(pivot.row, other, pivot.first + 1 + k);
-        put(other, pivot.row, pivot.first + 1 + m + k);
+        put(other, pivot.row, pivot.first + 1 + pivot.others + k);
       }
     }
     full_->factorise();
