@@ -167,18 +167,30 @@ def rows(states: list[int]) -> Iterator[Row]:
                 yield measured(make(count), of_s)
 
 
+def exponents(first: Row, last: Row) -> str:
+    """With what power of the states the times of one trajectory, and of each of a batch, grow."""
+    of = "x, dx/dtheta" if last.sensitivities else "x"
+    one, each = (np.log(b / a) / np.log(last.states / first.states) for a, b in ((first.one, last.one), (first.each, last.each)))
+    return f"{last.chain}, {of}, {first.states} to {last.states} states: one n^{one:.2f}, each of {BATCH} n^{each:.2f}"
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the table, and how times grow."""
     parser = argparse.ArgumentParser(prog="python -m bench.chains", description=__doc__)
     parser.add_argument("--states", type=int, nargs="+", default=[20, 64, 100, 200])
     heads = "chain", "states", "of", "rtol", "CVODES'", "one, ms", "ratio", "each of 32", "ratio", "compiled", "ratio", "CVODES"
     print(f"| {' | '.join(heads)} |", "|---|--:|---|" + "--:|" * 9, sep="\n")
+    made: dict[tuple[str, bool], list[Row]] = {}
     for row in rows(parser.parse_args().states):
+        made.setdefault((row.chain, row.sensitivities), []).append(row)
         of = "x, dx/dtheta" if row.sensitivities else "x"
         pairs = ((row.one, 2), (row.each, 3), (row.compiled, 3))
         ratios = " | ".join(f"{ours:.{digits}f} | {row.cvodes / ours:.1f}" for ours, digits in pairs)
         rtols = f"{row.rtol:.0e} | {row.rtol_cvodes:.0e}"
         print(f"| {row.chain} | {row.states} | {of} | {rtols} | {ratios} | {row.cvodes:.2f} |", flush=True)
+    for of_kind in made.values():
+        if len(of_kind) > 1:
+            print(exponents(of_kind[0], of_kind[-1]))
 
 
 if __name__ == "__main__":

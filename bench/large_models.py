@@ -1,4 +1,4 @@
-"""``python -m bench.large_models``: models of more than 64 states and parameters, interpreted and compiled, on one core.
+"""``python -m bench.large_models``: large models, interpreted and compiled, on one core.
 
 Processor time of both in turn, the least of several rounds, and what `compile()` takes where no cache has the model, with its
 compilers. Results must be the same to the last bit. The platform is that of ``examples/hexapod.py``; a chain has masses whose

@@ -218,13 +218,14 @@ class SymbolicModel(DescribedModel):
     def compile(self) -> SymbolicModel:
         """Return the model compiled, which is two to three times as fast as interpreted.
 
-        A model of up to 64 states and parameters together gets kernels of its own, and results that differ by rounding. They
-        take a minute or so to build, once: a cache keeps them for every later run (``FISHERPOINT_CACHE`` names another
-        directory for it than the user's own). A larger model, and one with latch() or resets, gets functions for its equations and
-        their derivatives, within seconds, and the same results to the last bit. It takes a C++ compiler, g++ or clang++; without
-        one the model goes on interpreted, and a warning says so. Where others could write to the cache, or it cannot be written
-        at all, a warning says so too, and what was built lasts as long as the process. A pickled copy is compiled as well, or
-        an error where another compiler, other flags, or none would have it compute otherwise.
+        A model of up to 11 states, and of up to 64 states and parameters together, gets kernels of its own, and results that
+        differ by rounding. They take a minute or so to build, once: a cache keeps them for every later run
+        (``FISHERPOINT_CACHE`` names another directory for it than the user's own). A larger model, and one with latch() or
+        resets, gets functions for its equations and their derivatives, within seconds, and the same results to the last bit.
+        It takes a C++ compiler, g++ or clang++; without one the model goes on interpreted, and a warning says so. Where others
+        could write to the cache, or it cannot be written at all, a warning says so too, and what was built lasts as long as
+        the process. A pickled copy is compiled as well, or an error where another compiler, other flags, or none would have it
+        compute otherwise.
         """
         if self.compiled:
             return self

@@ -4,7 +4,7 @@
 
 #include "fisherpoint/models/dependence.hpp"
 #include "fisherpoint/models/shape.hpp"
-#include "fisherpoint/numbers/elimination_order.hpp"
+#include "fisherpoint/numbers/implicit_orders.hpp"
 #include "fisherpoint/numbers/parts.hpp"
 
 namespace fisherpoint {

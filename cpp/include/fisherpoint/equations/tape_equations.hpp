@@ -57,8 +57,8 @@ class StateEquation<TapeModel, P> : public Shape<TapeModel> {
   void derivative(const State& x, const Side& side, State& dx) const { rates_.run(x, side, dx); }
   int slopes() const { return static_cast<int>(model_.state_entries().size()); }
   std::pair<int, int> slope(int e) const { return {model_.state_entries()[e].row, model_.state_entries()[e].variable}; }
-  const EliminationOrder* order() const { return model_.order(); }
-  const EliminationOrder* stages_order() const { return model_.stages_order(); }
+  const EliminationOrder* order() const { return model_.orders().of_states(); }
+  const EliminationOrder* stages_order() const { return model_.orders().of_stages(); }
   void jacobian(const State& x, const Side& side, P* entries) const {
     if (!slopes_) slopes_.emplace(model_.programs().state_jacobian, *this, theta_, u_, parts_in_use_);
     slopes_->run(x, side);

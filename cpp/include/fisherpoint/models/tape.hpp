@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -19,7 +18,7 @@
 #include "fisherpoint/models/program.hpp"
 #include "fisherpoint/models/shape.hpp"
 #include "fisherpoint/models/straight_functions.hpp"
-#include "fisherpoint/numbers/elimination_order.hpp"
+#include "fisherpoint/numbers/implicit_orders.hpp"
 
 namespace fisherpoint {
 
@@ -151,9 +150,6 @@ struct TapeUpdates {
 };
 
 class TapeModel {
-  // Smaller systems are full ones.
-  static constexpr int least_ordered = 12;
-
  public:
   // Throws std::invalid_argument where a list does not fit the shape.
   TapeModel(const Shape<TapeModel>& shape, std::vector<double> scales, TapePrograms programs, std::vector<Entry> state_entries,
@@ -169,10 +165,7 @@ class TapeModel {
   const TapeResets& resets() const { return resets_; }
   const TapeUpdates& updates() const { return updates_; }
   double inverse_scale(int i) const { return inverse_scales_[i]; }
-  // In which order unknowns of systems with f_x, and of the three stages of an implicit step, are eliminated; null where all
-  // orders are as good.
-  const EliminationOrder* order() const { return order_ ? &*order_ : nullptr; }
-  const EliminationOrder* stages_order() const { return stages_order_ ? &*stages_order_ : nullptr; }
+  const ImplicitOrders& orders() const { return orders_; }
   int gradients_end() const { return static_cast<int>(programs_.jump_jacobian.outputs.size() - jump_entries_.size()); }
 
  protected:
@@ -200,7 +193,7 @@ class TapeModel {
   TapeResets resets_;
   TapeUpdates updates_;
   Dependence<TapeModel> dependence_;
-  std::optional<EliminationOrder> order_, stages_order_;
+  ImplicitOrders orders_;
 };
 
 inline const Shape<TapeModel>& shape_of(const TapeModel& model) { return model.shape(); }
@@ -208,14 +201,6 @@ inline const Dependence<TapeModel>& dependence_of(const TapeModel& model) { retu
 inline double inverse_scale(const TapeModel& model, int i) { return model.inverse_scale(i); }
 
 namespace detail {
-
-// Of a system that elimination does in far fewer operations in a good order.
-inline std::optional<EliminationOrder> order_that_pays(int n, const std::vector<std::pair<int, int>>& entries) {
-  std::optional<EliminationOrder> order(std::in_place, n, entries);
-  if (!order->pays()) return std::nullopt;
-  order->find_targets();
-  return order;
-}
 
 inline void expect(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument(what);
@@ -343,6 +328,11 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         expect(static_cast<int>(resets_.by_level.size()) == n_resets, "reset_levels: expected one for every reset");
         if (n_resets > 0) detail::check(resets_.program, shape, n_resets + resets_.targets.size(), "resets");
         return Dependence<TapeModel>(shape, rate_entries, std::move(varying));
+      }()),
+      orders_([&] {
+        std::vector<std::pair<int, int>> entries;
+        for (const auto [i, k] : state_entries_) entries.emplace_back(i, k);
+        return ImplicitOrders(shape_.states, entries);
       }()) {
   for (double& scale : inverse_scales_) scale = 1.0 / scale;
   for (Program* program :
@@ -350,19 +340,6 @@ inline TapeModel::TapeModel(const Shape<TapeModel>& shape, std::vector<double> s
         &programs_.rate_jacobian, &programs_.output_jacobian, &programs_.jump_jacobian, &resets_.program, &resets_.jacobian,
         &updates_.program, &updates_.jacobian})
     mark_sums(program->stage);
-  if (shape_.states < least_ordered) return;
-  std::vector<std::pair<int, int>> of_state, of_stages;
-  constexpr int stages = 3;
-  const auto at = [&](int stage, int i) { return stage * shape_.states + i; };
-  for (const auto [i, k] : state_entries_) {
-    of_state.emplace_back(i, k);
-    for (int r = 0; r < stages; ++r) of_stages.emplace_back(at(r, i), at(r, k));
-  }
-  for (int i = 0; i < shape_.states; ++i)
-    for (int r = 0; r < stages; ++r)
-      for (int q = 0; q < stages; ++q) of_stages.emplace_back(at(r, i), at(q, i));
-  order_ = detail::order_that_pays(shape_.states, of_state);
-  stages_order_ = detail::order_that_pays(stages * shape_.states, of_stages);
 }
 
 }  // namespace fisherpoint
