@@ -24,7 +24,7 @@ _LIBRARY = "library"
 _HEAD = '#include "fisherpoint/compiled/straight.hpp"\n\nnamespace fisherpoint::straight {\n\n'
 _FOOT = "\n}  // namespace fisherpoint::straight\n"
 _LITERALS = '[[gnu::visibility("hidden")]] extern const double literals[];'  # in another file: functions of them are not folded
-_ARGUMENTS = "const FisherpointLeaves& leaves, double* own"
+_ARGUMENTS = "const FisherpointLeaves& leaves, double* own, std::int32_t used"
 
 AREAS = ("theta", "u", "x", "side", "dx")
 """What programs read, in the order of their registers behind the literals."""
@@ -161,7 +161,7 @@ def _body(name: str, lines: Sequence[str], read: Iterable[Value]) -> str:
     areas = dict.fromkeys(area for area, _ in sorted(read) if area in AREAS)
     inside = "\n".join(f"    {line}" for line in [*(f"const double* const {of} = leaves.{of} + lane;" for of in areas), *lines])
     return f"""void {name}({_ARGUMENTS}) {{
-  for (int lane = 0; lane < lanes; lane += native_lanes) {{
+  for (int lane = 0; lane < used; lane += native_lanes) {{
     double* const __restrict to = own + lane;
 {inside}
   }}
@@ -186,8 +186,8 @@ def _library(made: Sequence[_Straight], functions: Sequence[_Function], literals
     for function in functions:
         names = [f"{function.name}_{k}" for k in range(len(function.parts))] + [f"{function.name}_copies"] * bool(function.copied)
         declared += [f"void {name}({_ARGUMENTS});" for name in names]
-        calls = "".join(f"\n  {name}(*leaves, own);" for name in names)
-        whole.append(f"static void {function.name}(const FisherpointLeaves* leaves, double* own) {{{calls}\n}}")
+        calls = "".join(f"\n  {name}(*leaves, own, used);" for name in names)
+        whole.append(f"static void {function.name}(const FisherpointLeaves* leaves, double* own, std::int32_t used) {{{calls}\n}}")
     rows = "".join(
         f",\n    {{lanes, register_bytes, {straight.packs}, {straight.setup.name}, {straight.stage.name}}}" for straight in made
     )

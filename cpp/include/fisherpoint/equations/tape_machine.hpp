@@ -17,8 +17,8 @@ class Machine {
  public:
   using Array = HeapArray<P>;
 
-  // `theta` and `u` must outlive the machine. After the first run, which gives all lanes values, it computes the first
-  // part of the packs alone where no other is in use; the others keep theirs.
+  // `theta` and `u` must outlive the machine. After the first run, which gives all lanes values, functions compute the parts of
+  // the packs that are in use alone, and lists the first part alone where no other is in use; the others keep theirs.
   Machine(const Program& program, const Shape<TapeModel>& shape, const Array& theta, const Array& u,
           int parts_in_use = PartsOf<P>::count)
       : program_(program),
@@ -28,7 +28,7 @@ class Machine {
         at_(straight_ ? 0 : program.registers) {
     if (straight_) {
       leaves_ = {numbers_of(theta), numbers_of(u), nullptr, nullptr, nullptr};
-      straight_->setup(&leaves_, numbers_of(own_));
+      straight_->setup(&leaves_, numbers_of(own_), lanes_of<P>::width);
       return;
     }
     const P** next = at_.begin();
@@ -45,7 +45,8 @@ class Machine {
   void run(const Array& x) {
     if (straight_) {
       leaves_.x = numbers_of(x);
-      straight_->stage(&leaves_, numbers_of(own_));
+      straight_->stage(&leaves_, numbers_of(own_), begun_ ? parts_in_use_ * native_lanes : lanes_of<P>::width);
+      begun_ = true;
       return;
     }
     if (x.begin() != referred_) refer(x_, x);

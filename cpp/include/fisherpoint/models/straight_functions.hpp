@@ -6,7 +6,7 @@
 
 extern "C" {
 
-enum : std::int32_t { fisherpoint_straight_version = 1 };
+enum : std::int32_t { fisherpoint_straight_version = 2 };
 
 // What a program reads: packs, one behind the other; of what it does not read, any pointers.
 struct FisherpointLeaves {
@@ -14,10 +14,11 @@ struct FisherpointLeaves {
 };
 
 struct FisherpointProgram {
-  std::int32_t lanes, register_bytes;                           // of a pack, and of the vectors that the instruction set has
-  std::int32_t packs;                                           // that `own` has: the outputs first
-  void (*setup)(const FisherpointLeaves* leaves, double* own);  // reads theta and u alone
-  void (*stage)(const FisherpointLeaves* leaves, double* own);
+  std::int32_t lanes, register_bytes;  // of a pack, and of the vectors that the instruction set has
+  std::int32_t packs;                  // that `own` has: the outputs first
+  // Of the first `used` lanes, whole vectors.
+  void (*setup)(const FisherpointLeaves* leaves, double* own, std::int32_t used);  // reads theta and u alone
+  void (*stage)(const FisherpointLeaves* leaves, double* own, std::int32_t used);
 };
 
 struct FisherpointPrograms {
