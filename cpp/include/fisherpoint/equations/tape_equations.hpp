@@ -149,6 +149,7 @@ class VariationalEquation<TapeModel, P> : public Shape<TapeModel> {
   using Plain = StateEquation<TapeModel, P>;
 
  public:
+  using Number = P;
   using Side = typename Plain::Side;
   using Theta = typename Plain::Theta;
   using Input = typename Plain::Input;

@@ -15,8 +15,10 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <optional>
 
 #include "fisherpoint/equations/variational_equation.hpp"
+#include "fisherpoint/integration/row_lists.hpp"
 #include "fisherpoint/integration/runge_kutta.hpp"
 #include "fisherpoint/integration/step_control.hpp"
 #include "fisherpoint/integration/tolerance.hpp"
@@ -186,7 +188,21 @@ class Adjoints {
   }
 
   template <bool of_error>
-  FISHERPOINT_HOT void carry_back(const P& step, const P* entries, const State& sum, State& lambda, Gradient& gradient) const {
+  void carry_back(const P& step, const P* entries, const State& sum, State& lambda, Gradient& gradient) {
+    if constexpr (Shape<M>::unrolled) {
+      carry_back_unrolled<of_error>(step, entries, sum, lambda, gradient);
+    } else {
+      if (!lists_) lists_.emplace(f_, method_);
+      const int stages = of_error ? method_.in_error : method_.stages - 1;
+      on_all_or_first_part(f_, [&]<class Q>(As<Q>) {
+        lists_->template carry_back<Q>(stages, step, entries, f_.dependence.changing, constants_.data(),
+                                       of_error ? sum.data() : nullptr, lambda.data(), gradient.data());
+      });
+    }
+  }
+  template <bool of_error>
+  FISHERPOINT_HOT void carry_back_unrolled(const P& step, const P* entries, const State& sum, State& lambda,
+                                           Gradient& gradient) const {
     const auto stages = method_.in_error;
     const auto first = of_either<of_error>(stages, before(method_.stages));
     const auto behind = of_either<of_error>(after(after(stages)), after(stages));
@@ -231,6 +247,7 @@ class Adjoints {
   Numbers<P, std::remove_const_t<decltype(Dependence<M>::constant)>> constants_;  // of the Jacobian
   std::size_t block_;                                                             // steps whose Jacobians are kept at a time
   HeapArray<P> kept_;
+  std::optional<RowLists<P>> lists_;  // of models that are lists of operations
 };
 
 }  // namespace fisherpoint
