@@ -176,7 +176,11 @@ class ImplicitStep {
     }
     return scale(i) * weighted(part, weights, z_, i) / part(step_);
   }
+  OfPart at_stage(Part part, const State& y, int stage, int i) const {
+    return fused(OfPart(scale(i)), part(z_[stage][i]), part(y[i]));
+  }
   P increment(int stage, int i) const { return scale(i) * z_[stage][i]; }
+  double scale(int i) const { return scales_[i]; }
 
   // The step was taken in these lanes: the next one's iteration begins with its cubic.
   void keep(const Mask& taken) {
@@ -196,7 +200,6 @@ class ImplicitStep {
   void solve_real(P* b) const { real_.solve(b); }
 
  private:
-  double scale(int i) const { return scales_[i]; }
   P& f_y_of(int i) { return f_z_[0][i]; }
 
   void in_parts(auto&& work) const { for_each_part(f_.parts_in_use(), work); }

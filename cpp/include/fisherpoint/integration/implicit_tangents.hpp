@@ -45,6 +45,12 @@ class ImplicitTangents {
       driven_.emplace_back();
       for_each_variable(f_.dependence.driven(j), [&](auto i) { driven_.back().push_back(i); });
     });
+    for_each_by_state(jacobian_[0], [&](int i, int k, const P&) {
+      row_ends_.resize(i + 1, columns_.size());
+      columns_.push_back(k);
+      row_ends_.back() = columns_.size();
+    });
+    row_ends_.resize(n_, columns_.size());
     at_place_.resize(system_.places());
     for (int r = 0; r < stages; ++r) {
       for (int i = 0; i < n_; ++i)
@@ -52,7 +58,7 @@ class ImplicitTangents {
       for_each_by_state(jacobian_[r], [&](int i, int k, const P& entry) {
         AtPlace& here = at_place_[system_.place(r * n_ + i, r * n_ + k)];
         here.slope = &entry;
-        here.scales = f_.inverse_scale(i) * scale(k);
+        here.scales = f_.inverse_scale(i) * step_.scale(k);
       });
     }
     fit(rate_, f_.states);
@@ -76,7 +82,7 @@ class ImplicitTangents {
     const P error = step_.squared_error(lanes_of<P>::none(), to_.x, side, weight_);
     raise(to_.squared_error_, select(moves, select(solved, error, P(too_long) / weight_), P(0.0)));
     for (int r = 0; r < stages; ++r) {
-      for (int i = 0; i < n_; ++i) at_[i] = to_.x[i] + step_.increment(r, i);
+      for (int i = 0; i < n_; ++i) in_parts([&](Part part) { part.set(at_[i], step_.at_stage(part, to_.x, r, i)); });
       f_.linearise(at_, side, rate_, jacobian_[r]);
     }
     system_.factorise([&](int place) {
@@ -87,7 +93,10 @@ class ImplicitTangents {
       };
     });
     for (int j = 0; j < f_.parameters; ++j) advance_column(j, step, moves);
-    for (int i = 0; i < n_; ++i) to_.x[i] = select(moves, to_.x[i] + step_.increment(stages - 1, i), to_.x[i]);
+    for (int i = 0; i < n_; ++i)
+      in_parts([&](Part part) {
+        part.set(to_.x[i], select(part(moves), step_.at_stage(part, to_.x, stages - 1, i), part(to_.x[i])));
+      });
     step_.keep(moves);
   }
 
@@ -100,22 +109,30 @@ class ImplicitTangents {
           coupled, [&](auto k) { use(i, k, jacobian.by_state[f_.dependence.state_start[i] + detail::below(coupled, k)]); });
     });
   }
-  void for_each_by_theta(const Jacobian<M, P>& jacobian, int j, auto&& use) const {
-    int at = f_.dependence.theta_start[j];
-    for (const int i : driven_[j]) use(i, jacobian.by_theta[at++]);
-  }
-
-  double scale(int i) const { return 1.0 / f_.inverse_scale(i); }
+  void in_parts(auto&& work) const { for_each_part(states_.parts_in_use(), work); }
 
   // The largest of all steps counts, as in step control: what is stiff forgets errors. NaN where any is.
   static void raise(P& largest, const P& squared_error) { largest += max(P(0.0), squared_error - largest); }
 
   // h (J s + f_theta) in units of the scales.
   void rates(const Jacobian<M, P>& jacobian, int j, const P& step, P* out) const {
-    std::fill_n(out, n_, P(0.0));
-    for_each_by_state(jacobian, [&](int i, int k, const P& entry) { out[i] += entry * column_[k]; });
-    for_each_by_theta(jacobian, j, [&](int i, const P& entry) { out[i] += entry; });
-    for (int i = 0; i < n_; ++i) out[i] = out[i] * (step * f_.inverse_scale(i));
+    std::size_t e = 0;
+    for (int i = 0; i < n_; ++i) {
+      const std::size_t end = row_ends_[i];
+      in_parts([&](Part part) {
+        PartOf<P> sum(0.0);
+        for (std::size_t k = e; k < end; ++k) sum = fused(part(jacobian.by_state[k]), part(column_[columns_[k]]), sum);
+        part.set(out[i], sum);
+      });
+      e = end;
+    }
+    int at = f_.dependence.theta_start[j];
+    for (const int i : driven_[j]) {
+      const P& entry = jacobian.by_theta[at++];
+      in_parts([&](Part part) { part.set(out[i], part(out[i]) + part(entry)); });
+    }
+    for (int i = 0; i < n_; ++i)
+      in_parts([&](Part part) { part.set(out[i], part(out[i]) * (part(step) * PartOf<P>(f_.inverse_scale(i)))); });
   }
 
   void advance_column(int j, const P& step, const mask_of_lanes<P>& moves) {
@@ -125,15 +142,23 @@ class ImplicitTangents {
     rates(jacobian_[stages], j, step, start_.data());
     system_.solve(right_.data());
     for (int i = 0; i < n_; ++i)
-      for (int r = 0; r < stages; ++r) start_[i] += Radau::error[r] * right_[r * n_ + i];
+      in_parts([&](Part part) {
+        auto sum = part(start_[i]);
+        for (int r = 0; r < stages; ++r) sum = fused(PartOf<P>(Radau::error[r]), part(right_[r * n_ + i]), sum);
+        part.set(start_[i], sum);
+      });
     step_.solve_real(start_.data());
     P error(0.0), size(0.0);
     to_.for_each_row(j, [&](int i, int at) {
       P& entry = to_.s[f_.dependence.column_start[j] + at];
-      entry = select(moves, entry + scale(i) * right_[(stages - 1) * n_ + i], entry);
-      const P share = entry * f_.inverse_scale(i);
-      size += share * share;
-      error += start_[i] * start_[i];
+      in_parts([&](Part part) {
+        const auto before = part(entry), gain = part(right_[(stages - 1) * n_ + i]), off = part(start_[i]);
+        const auto value = select(part(moves), fused(PartOf<P>(step_.scale(i)), gain, before), before);
+        const auto share = value * PartOf<P>(f_.inverse_scale(i));
+        part.set(entry, value);
+        part.set(size, fused(share, share, part(size)));
+        part.set(error, fused(off, off, part(error)));
+      });
     });
     raise(to_.squared_column_error_[j], select(moves, error, P(0.0)));
     to_.squared_column_size_[j] = max(to_.squared_column_size_[j], size);
@@ -147,6 +172,9 @@ class ImplicitTangents {
   int n_;
   LinearSystem<P> system_;
   std::vector<std::vector<int>> driven_;  // of every parameter, the states whose rates read it
+  // Of the entries of f_x, row by row: their columns, and where rows end.
+  std::vector<int> columns_;
+  std::vector<std::size_t> row_ends_;
   struct AtPlace {
     double constant = 0.0;  // what is there where nothing moves
     const P* slope = nullptr;
