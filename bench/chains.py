@@ -24,7 +24,7 @@ from .timing import least_seconds
 WITHIN_X, WITHIN_S = 1e-6, 1e-5
 LADDER = 10.0 ** -np.arange(2, 11.5, 0.5)
 BATCH = 32
-ROUNDS = 5
+ROUNDS, IN_A_ROW = 10, 5
 
 Array = NDArray[np.float64]
 Ends = tuple[Array, Array | None]
@@ -117,7 +117,7 @@ def measured(chain: Chain, of_s: bool) -> Row:
         "compiled": lambda: ours(many, spread, rtol, compiled),
         **{formula: lambda solve=solve: solve(theta) for formula, (_, solve) in peers.items()},  # type: ignore[misc]
     }
-    times = {name: 1e3 * seconds for name, seconds in least_seconds(tasks, ROUNDS).items()}
+    times = {name: 1e3 * seconds for name, seconds in least_seconds(tasks, ROUNDS, IN_A_ROW).items()}
     best = min(peers, key=lambda formula: times[formula])
     each, of_compiled = times["each"] / BATCH, times["compiled"] / BATCH
     return Row(chain.kind, len(chain.f), of_s, rtol, peers[best][0], times["one"], each, of_compiled, times[best])
