@@ -10,6 +10,7 @@
 
 #include "fisherpoint/numbers/eigenvalues.hpp"
 #include "fisherpoint/numbers/elimination.hpp"
+#include "fisherpoint/numbers/implicit_orders.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
 #include "fisherpoint/numbers/linear_system.hpp"
 
@@ -245,4 +246,30 @@ TEST_CASE("two eigenvalues on the left are counted where the determinant is posi
   CHECK(eigenvalues_on_left(both, 2) == doctest::Approx(2.0));
   CHECK(eigenvalues_on_left(rotating, 2) == doctest::Approx(2.0));
   CHECK(eigenvalues_on_left(none, 2) == doctest::Approx(0.0));
+}
+
+TEST_CASE("a band is eliminated from both its ends, and no entry is added") {
+  constexpr int size = 9;
+  std::vector<std::pair<int, int>> pattern;
+  for (int i = 0; i + 1 < size; ++i) pattern.emplace_back(i, i + 1), pattern.emplace_back(i + 1, i);
+  const EliminationOrder order(size, pattern);
+  CHECK(order.numbers == 3 * size - 2);
+  for (int k = 0; k < size; ++k) CHECK(order.pivots[k].row == (k % 2 ? size - 1 - k / 2 : k / 2));
+}
+
+TEST_CASE("implicit steps have an order where it takes far fewer operations, and small models have none") {
+  const auto orders_of = [](int states, bool full) {
+    std::vector<std::pair<int, int>> entries;
+    for (int i = 0; i < states; ++i)
+      for (int k = 0; k < states; ++k)
+        if (full || std::abs(i - k) < 2) entries.emplace_back(i, k);
+    return ImplicitOrders(states, entries);
+  };
+  const ImplicitOrders band = orders_of(12, false), full = orders_of(12, true), small = orders_of(11, false);
+  REQUIRE(band.of_states());
+  CHECK(band.of_states()->size() == 12);
+  CHECK(band.of_stages()->size() == 36);
+  CHECK_FALSE(full.of_states());
+  CHECK_FALSE(small.of_states());
+  CHECK_FALSE(small.of_stages());
 }
