@@ -171,6 +171,27 @@ def test_the_tight_solve_is_the_oracles(name: str) -> None:
 # --- how the error falls --------------------------------------------------------------------------------------------------
 
 
+def test_states_that_no_parameter_drives_have_no_part_in_sensitivities_of_outputs_alone() -> None:
+    """Their number, and where they stand among the states, changes nothing."""
+    count = 40
+    names = [f"e{i}" for i in range(count)]
+    decays = [f"-{i + 1}*e{i}/10" for i in range(count)]
+    v = f"a*e0 + b*e{count - 1}*v + c*sin(e{count // 2}) - d*v"
+    theta = [0.7, 0.4, 1.3, 0.9]
+    found = []
+    for place in (0, count // 2, count):
+        states = [*names[:place], "v", *names[place:]]
+        rates = [*decays[:place], v, *decays[place:]]
+        units = {name: ("1", 1.0) for name in states}
+        model = fp.SymbolicModel(rates, ["v"], units, {}, dict.fromkeys("abcd", "1"), check_units=False)
+        points = fp.Experiments(np.ones((5, count + 1)), np.empty((5, 0)), np.linspace(0.2, 3.0, 5))
+        done = fp.sensitivities(model, points, theta, rtol=1e-8)
+        assert not done.status.any()
+        np.testing.assert_allclose(done.dy_dtheta[:, 0], done.dx_dtheta[:, place], rtol=1e-6, atol=1e-8)
+        found.append(done.dy_dtheta)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-6, atol=1e-8)
+
+
 def test_the_error_falls_in_proportion_to_the_tolerance() -> None:
     c = case("default-mean")
     tolerances = 10.0 ** -np.arange(5, 11)

@@ -14,7 +14,7 @@ namespace fisherpoint {
 template <class P>
 class RowLists {
  public:
-  // The states are those that depend on a parameter.
+  // Its states are those that depend on a parameter; of others that these read there is nothing to carry back.
   template <class Equation>
   RowLists(const Equation& f, const auto& method) : stages_(method.in_error) {
     std::vector<int> number(f.states, -1);
@@ -27,7 +27,7 @@ class RowLists {
       const auto coupled = f.dependence.coupled(i);
       for_each_variable(coupled, [&](auto k) {
         const int entry = f.dependence.state_start[i] + detail::below(coupled, k);
-        by_state[number[k]].push_back({number[i], f.dependence.kept_at(entry)});
+        if (number[k] >= 0) by_state[number[k]].push_back({number[i], f.dependence.kept_at(entry)});
       });
     }
     for (const auto& terms : by_state) of_states_.add(terms);

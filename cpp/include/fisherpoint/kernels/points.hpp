@@ -13,6 +13,7 @@
 #include "fisherpoint/kernels/workers.hpp"
 #include "fisherpoint/models/shape.hpp"
 #include "fisherpoint/numbers/lanes.hpp"
+#include "fisherpoint/numbers/parts.hpp"
 
 namespace fisherpoint {
 
@@ -92,6 +93,14 @@ void store_ends(const auto& x, const auto& y, const auto& status, std::span<cons
     if (status[lane] != Status::ok || (measured && !measured[rows[lane]] && lanes_of<P>::get(has_end, lane))) continue;
     out.status[rows[lane]] = lanes_of<P>::get(outside, lane) ? Status::left_domain : Status::not_finite;
   }
+}
+
+// How many lanes of packs P are filled, of so many rows: all. But of models that are lists of operations a pack takes the less
+// time, the fewer of its vectors are in use; so of few rows each thread takes those that fill one vector.
+template <class M, class P>
+std::size_t filled_lanes(std::size_t rows, const Workers& workers) {
+  constexpr std::size_t all = lanes_of<P>::width, one = lanes_of<PartOf<P>>::width;
+  return !Shape<M>::unrolled && rows <= static_cast<std::size_t>(workers.threads()) * one ? one : all;
 }
 
 // work(rows) for all points in packs of `width`, in the given order; the last packs first, as they take longest, so that no

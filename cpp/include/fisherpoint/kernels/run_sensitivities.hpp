@@ -364,9 +364,10 @@ class RunTeam {
 template <class P, class Method, class M>
 void run_sensitivity_packs(const M& model, const Runs& runs, const RunStart& start, const Parameters& parameters,
                            const Tolerance& tolerance, const Workers& workers, const SensitiveRuns& out) {
-  constexpr std::size_t width = lanes_of<P>::width, most = 1024;
+  constexpr std::size_t most = 1024;
   const auto threads = static_cast<std::size_t>(workers.threads());
-  const std::size_t together = std::clamp((runs.count + threads - 1) / threads, width, std::max(width, most));
+  const std::size_t least = filled_lanes<M, P>(runs.count, workers);
+  const std::size_t together = std::clamp((runs.count + threads - 1) / threads, least, std::max(least, most));
   std::vector<RunTeam<M>> teams;
   for (std::size_t first = 0; first < runs.count; first += together)
     teams.emplace_back(first, std::min(first + together, runs.count));

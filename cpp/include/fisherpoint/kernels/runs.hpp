@@ -173,8 +173,7 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
 template <class P, class Method, class M>
 void run_packs(const M& model, const Runs& runs, const Parameters& parameters, const Tolerance& tolerance,
                const Workers& workers, const RunStates& out) {
-  constexpr std::size_t width = lanes_of<P>::width;
-  const std::size_t n_x = shape_of(model).states;
+  const std::size_t n_x = shape_of(model).states, width = filled_lanes<M, P>(runs.count, workers);
   std::vector<std::size_t> order(runs.count);
   std::iota(order.begin(), order.end(), std::size_t{0});
   for (const std::size_t k : order) {
