@@ -111,7 +111,7 @@ TEST_CASE("a large model at rest begins with a step that its rates allow, and en
   Eigen::VectorXd b = Eigen::VectorXd::Zero(40), start = b;
   b[39] = 1.0;
   const TapeModel model = linear(a, b);
-  REQUIRE(model.order());
+  REQUIRE(model.orders().of_states());
   for (const auto& [rtol, tries] : {std::pair{1e-3, 11}, {1e-6, 19}, {1e-9, 36}}) {  // from a far shorter step they are more
     CAPTURE(rtol);
     const Ends ends = follow(model, start, 5.0, rtol);
@@ -125,7 +125,7 @@ TEST_CASE("a large stiff model goes over to implicit steps within few tries, in 
   const Eigen::MatrixXd a = cells(60);
   const Eigen::VectorXd b = Eigen::VectorXd::Zero(60), start = Eigen::VectorXd::Ones(60);
   const TapeModel model = linear(a, b);
-  REQUIRE(model.order());
+  REQUIRE(model.orders().of_states());
   for (const auto& [rtol, tries] : {std::pair{1e-3, 23}, {1e-6, 72}}) {
     CAPTURE(rtol);
     const Ends ends = follow(model, start, 0.1, rtol);

@@ -58,9 +58,9 @@ straight::V carried_out(Operation operation, straight::V a, straight::V b, strai
 }
 
 // Of theta: a, b and c.
-void none(const FisherpointLeaves*, double*) {}
-void every_operation(const FisherpointLeaves* leaves, double* own) {
-  for (int lane = 0; lane < straight::lanes; lane += native_lanes) {
+void none(const FisherpointLeaves*, double*, std::int32_t) {}
+void every_operation(const FisherpointLeaves* leaves, double* own, std::int32_t used) {
+  for (int lane = 0; lane < used; lane += native_lanes) {
     const double* const theta = leaves->theta + lane;
     const straight::V a = straight::load(theta, 0), b = straight::load(theta, 1), c = straight::load(theta, 2);
     for (int k = 0; k < operations; ++k) straight::store(own + lane, k, carried_out(static_cast<Operation>(k), a, b, c));
@@ -119,5 +119,21 @@ TEST_CASE("functions for other packs are left alone") {
     Machine<P> machine(called, Shape<TapeModel>{0, 0, 0, 3, 0, 0, 0, 0}, theta, nothing);
     machine.run(nothing);
     CHECK(machine.output(0)[0] == 3.0);
+  }
+}
+
+TEST_CASE("functions compute the vectors in use alone, once all lanes have values") {
+  const FisherpointProgram functions{tape_lanes, register_bytes, operations, none, every_operation};
+  Program called = program();
+  called.straight = &functions;
+  HeapArray<P> theta(3), nothing(0);
+  for (int parts = 1; parts <= P::parts; ++parts) {
+    theta.fill(P(1.5));
+    Machine<P> machine(called, Shape<TapeModel>{0, 0, 0, 3, 0, 0, 0, 0}, theta, nothing, parts);
+    machine.run(nothing);
+    theta.fill(P(2.0));
+    machine.run(nothing);
+    const auto sum = machine.output(static_cast<int>(Operation::add));
+    for (int lane = 0; lane < P::width; ++lane) CHECK(sum[lane] == (lane < parts * native_lanes ? 4.0 : 3.0));
   }
 }
