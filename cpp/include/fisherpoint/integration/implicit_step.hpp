@@ -77,8 +77,7 @@ class ImplicitStep {
     for (int e = 0; e < f.slopes(); ++e) {
       const auto [i, k] = f.slope(e);
       entries_.push_back({i, k, f.inverse_scale(i) * scale(k)});
-      AtPlace& here = at_place_[real_.place(i, k)];
-      here.entry = e, here.scales = entries_[e].scales;
+      at_place_[real_.place(i, k)].entry = e;
     }
     for (int i = 0; i < n_; ++i) at_place_[real_.place(i, i)].diagonal = 1.0;
     for (auto* increments : {&z_, &w_, &f_z_, &cubic_})
@@ -210,7 +209,6 @@ class ImplicitStep {
 
   struct AtPlace {
     double diagonal = 0.0;  // of the unit matrix
-    double scales = 0.0;    // the rate's over the state's
     int entry = -1;         // of f_x, if there is one
   };
   // f_x somewhere.
@@ -225,9 +223,8 @@ class ImplicitStep {
   }
   // What is at a place of `real` - h f_x.
   auto entry_of(const Linearised& at, const AtPlace& place, double real) const {
-    const P* const slope = place.entry < 0 ? nullptr : &at.f_x[place.entry];
-    return [=, this, diagonal = place.diagonal * real, scales = place.scales](Part part) {
-      return slope ? fused(-(part(step_) * part(*slope)), OfPart(scales), OfPart(diagonal)) : OfPart(diagonal);
+    return [&at, this, e = place.entry, diagonal = place.diagonal * real](Part part) {
+      return e < 0 ? OfPart(diagonal) : coupled(part, OfPart(diagonal), at, e);
     };
   }
   void factorise_real(const Linearised& at) {

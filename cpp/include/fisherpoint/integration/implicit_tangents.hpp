@@ -12,6 +12,7 @@
 #include "fisherpoint/integration/implicit_step.hpp"
 #include "fisherpoint/integration/tangents.hpp"
 #include "fisherpoint/integration/tolerance.hpp"
+#include "fisherpoint/numbers/implicit_orders.hpp"
 #include "fisherpoint/numbers/linear_system.hpp"
 
 namespace fisherpoint {
@@ -24,6 +25,7 @@ class ImplicitTangents {
   using State = typename Equation::State;
   using Side = typename Equation::Side;
   static constexpr int stages = Radau::stages;
+  static_assert(stages == ImplicitOrders::stages);
   static constexpr double too_long = 1e4;  // the squared error of a step whose stages are not found
 
  public:
@@ -45,12 +47,7 @@ class ImplicitTangents {
       driven_.emplace_back();
       for_each_variable(f_.dependence.driven(j), [&](auto i) { driven_.back().push_back(i); });
     });
-    for_each_by_state(jacobian_[0], [&](int i, int k, const P&) {
-      row_ends_.resize(i + 1, columns_.size());
-      columns_.push_back(k);
-      row_ends_.back() = columns_.size();
-    });
-    row_ends_.resize(n_, columns_.size());
+    for_each_by_state(jacobian_[0], [&](int, int k, const P&) { columns_.push_back(k); });
     at_place_.resize(system_.places());
     for (int r = 0; r < stages; ++r) {
       for (int i = 0; i < n_; ++i)
@@ -116,15 +113,14 @@ class ImplicitTangents {
 
   // h (J s + f_theta) in units of the scales.
   void rates(const Jacobian<M, P>& jacobian, int j, const P& step, P* out) const {
-    std::size_t e = 0;
     for (int i = 0; i < n_; ++i) {
-      const std::size_t end = row_ends_[i];
+      const int first = f_.dependence.state_start[i],
+                end = i + 1 < n_ ? f_.dependence.state_start[i + 1] : int{f_.dependence.by_state};
       in_parts([&](Part part) {
         PartOf<P> sum(0.0);
-        for (std::size_t k = e; k < end; ++k) sum = fused(part(jacobian.by_state[k]), part(column_[columns_[k]]), sum);
+        for (int e = first; e < end; ++e) sum = fused(part(jacobian.by_state[e]), part(column_[columns_[e]]), sum);
         part.set(out[i], sum);
       });
-      e = end;
     }
     int at = f_.dependence.theta_start[j];
     for (const int i : driven_[j]) {
@@ -172,9 +168,7 @@ class ImplicitTangents {
   int n_;
   LinearSystem<P> system_;
   std::vector<std::vector<int>> driven_;  // of every parameter, the states whose rates read it
-  // Of the entries of f_x, row by row: their columns, and where rows end.
-  std::vector<int> columns_;
-  std::vector<std::size_t> row_ends_;
+  std::vector<int> columns_;              // of the entries of f_x
   struct AtPlace {
     double constant = 0.0;  // what is there where nothing moves
     const P* slope = nullptr;

@@ -242,4 +242,21 @@ void Tangents<M, P, Method>::advance_briefly(const P& time, const Side& side) {
   });
 }
 
+template <class M, class P, class Method>
+mask_of_lanes<P> Tangents<M, P, Method>::differs(Tangents& other, double share) const {
+  auto found = lanes_of<P>::none();
+  for (int j = 0; j < f_.parameters; ++j) {
+    const int start = f_.dependence.column_start[j];
+    P size(0.0);
+    for_each_row(
+        j, [&](int i, int at) { size = max(size, max(abs(s[start + at]), abs(other.s[start + at])) * f_.inverse_scale(i)); });
+    for_each_row(j, [&](int i, int at) {
+      const auto alike = abs(s[start + at] - other.s[start + at]) * f_.inverse_scale(i) <= share * size;
+      other.s[start + at] = select(alike, s[start + at], other.s[start + at]);
+      found = found | !alike;
+    });
+  }
+  return found;
+}
+
 }  // namespace fisherpoint

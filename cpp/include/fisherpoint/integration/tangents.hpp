@@ -58,47 +58,15 @@ class Tangents {
     for (int j = 0; j < f_.parameters; ++j) squared_column_size_[j] = squared_rounding(f_.theta()[j], tolerance_);
   }
 
+  // Where S starts: tangent_starts.hpp.
+  //
   // Has S start at these numbers (n_x, p) in a lane, in the place of zero. What no parameter can reach stays zero.
-  void start(int lane, const double* from) {
-    for (int j = 0; j < f_.parameters; ++j) {
-      double size = 0.0;
-      for_each_row(j, [&](int i, int at) {
-        const double entry = from[i * f_.parameters + j], scaled = entry * f_.inverse_scale(i);
-        lanes_of<P>::set(s[f_.dependence.column_start[j] + at], lane, entry);
-        size += scaled * scaled;
-      });
-      P& largest = squared_column_size_[j];
-      lanes_of<P>::set(largest, lane, std::max(lanes_of<P>::get(largest, lane), size));
-    }
-  }
-
+  void start(int lane, const double* from);
   // Where the input switches at the start, in an instant that parameter j moves: f_before is added to its column, and once what
   // is met or set anew in that instant is behind, f on these sides is taken off.
-  void add_rate(int lane, int j, const double* before) {
-    for_each_row(j, [&](int i, int at) {
-      P& entry = s[f_.dependence.column_start[j] + at];
-      lanes_of<P>::set(entry, lane, lanes_of<P>::get(entry, lane) + before[i]);
-    });
-  }
+  void add_rate(int lane, int j, const double* before);
   template <class Columns>
-  [[gnu::noinline]] void take_off_rates(const Side& side, const Columns& columns_of, int used) {
-    State rate;
-    fit(rate, f_.states);
-    rates(x, side, rate);
-    for (int lane = 0; lane < used; ++lane)
-      for (const int j : columns_of(lane)) {
-        if (j < 0) continue;
-        double size = 0.0;
-        for_each_row(j, [&](int i, int at) {
-          P& entry = s[f_.dependence.column_start[j] + at];
-          const double left = lanes_of<P>::get(entry, lane) - lanes_of<P>::get(rate[i], lane);
-          lanes_of<P>::set(entry, lane, left);
-          size += left * f_.inverse_scale(i) * left * f_.inverse_scale(i);
-        });
-        P& largest = squared_column_size_[j];
-        lanes_of<P>::set(largest, lane, std::max(lanes_of<P>::get(largest, lane), size));
-      }
-  }
+  [[gnu::noinline]] void take_off_rates(const Side& side, const Columns& columns_of, int used);
 
   // The largest estimated error: of x in units of the states' scales, of every column in units of its own size. Against the
   // size of the outputs, columns of weak parameters would be integrated without any control. NaN where anything is.
@@ -197,21 +165,7 @@ class Tangents {
 
   // By the scales of the states, entries that are alike in both S as far as `share` of their columns' sizes: those of `other`
   // get the same bits. Returns where any are not.
-  mask_of_lanes<P> differs(Tangents& other, double share) const {
-    auto found = lanes_of<P>::none();
-    for (int j = 0; j < f_.parameters; ++j) {
-      const int start = f_.dependence.column_start[j];
-      P size(0.0);
-      for_each_row(
-          j, [&](int i, int at) { size = max(size, max(abs(s[start + at]), abs(other.s[start + at])) * f_.inverse_scale(i)); });
-      for_each_row(j, [&](int i, int at) {
-        const auto alike = abs(s[start + at] - other.s[start + at]) * f_.inverse_scale(i) <= share * size;
-        other.s[start + at] = select(alike, s[start + at], other.s[start + at]);
-        found = found | !alike;
-      });
-    }
-    return found;
-  }
+  mask_of_lanes<P> differs(Tangents& other, double share) const;
 
  private:
   // What slides: x on its surface, and S with h_x S = -h_theta.
@@ -462,3 +416,4 @@ class Tangents {
 #include "fisherpoint/integration/passing.hpp"
 #include "fisherpoint/integration/reset_tangents.hpp"
 #include "fisherpoint/integration/slid_columns.hpp"
+#include "fisherpoint/integration/tangent_starts.hpp"

@@ -87,30 +87,28 @@ class LinearSystem {
 
   // work(parts) with how many are in use, which is known to the compiler where it is all of them.
   void on_parts(auto&& work) const { parts_ == most_parts ? work(Count<most_parts>{}) : work(parts_); }
-  static void for_each_of(auto parts, auto&& work) {
-    for_each_index(parts, [&](int k) { work(Part(k), k); });
-  }
 
   void solve_in_order(auto parts, T* b) const {
     const int* const rows = order_->rows.data();
-    PartOf<T> known[most_parts];
+    T known;
     for (const auto& pivot : order_->pivots) {
       const T* const column = &numbers_[pivot.first] + 1 + pivot.others;
-      for_each_of(parts, [&](Part part, int k) { known[k] = part(b[pivot.row]); });
+      for_each_part(parts, [&](Part part) { part.set(known, part(b[pivot.row])); });
       for (int i = 0; i < pivot.others; ++i) {
         T& other = b[rows[pivot.at + i]];
-        for_each_of(parts,
-                    [&](Part part, int k) { part.set(other, detail::less_product(part(other), part(column[i]), known[k])); });
+        for_each_part(parts,
+                      [&](Part part) { part.set(other, detail::less_product(part(other), part(column[i]), part(known))); });
       }
     }
     for (auto pivot = order_->pivots.rbegin(); pivot != order_->pivots.rend(); ++pivot) {
       const T* const row = &numbers_[pivot->first];
-      for_each_of(parts, [&](Part part, int k) { known[k] = part(b[pivot->row]); });
+      for_each_part(parts, [&](Part part) { part.set(known, part(b[pivot->row])); });
       for (int i = 0; i < pivot->others; ++i) {
         const T& other = b[rows[pivot->at + i]];
-        for_each_of(parts, [&](Part part, int k) { known[k] = detail::less_product(known[k], part(row[1 + i]), part(other)); });
+        for_each_part(parts,
+                      [&](Part part) { part.set(known, detail::less_product(part(known), part(row[1 + i]), part(other))); });
       }
-      for_each_of(parts, [&](Part part, int k) { part.set(b[pivot->row], detail::product(known[k], part(row[0]))); });
+      for_each_part(parts, [&](Part part) { part.set(b[pivot->row], detail::product(part(known), part(row[0]))); });
     }
   }
 
@@ -118,7 +116,7 @@ class LinearSystem {
   void fill(auto parts, const EliminationOrder::Pivot& pivot, int at, auto&& entry) {
     const auto put = [&](int place, int row) {
       const auto of_parts = entry(place);
-      for_each_of(parts, [&](Part part, int) {
+      for_each_part(parts, [&](Part part) {
         const PartOf<T> value = of_parts(part);
         part.set(numbers_[place], value);
         part.set(largest_[row], max(part(largest_[row]), detail::magnitude(value)));
@@ -135,7 +133,7 @@ class LinearSystem {
     T* const diagonal = &numbers_[pivot.first];
     T *const row = diagonal + 1, *const column = row + m;
     const int* const behind = order_->behind.data() + pivot.at;
-    for_each_of(parts, [&](Part part, int) {
+    for_each_part(parts, [&](Part part) {
       Real in_row = detail::magnitude(part(*diagonal));
       auto weak = part(weak_) | ((in_row <= Real(0.0)) & (in_row >= Real(0.0)));
       for (int i = 0; i < m; ++i) in_row = max(in_row, detail::magnitude(part(row[i])));
@@ -152,9 +150,8 @@ class LinearSystem {
     for (int i = 0; i < m; ++i)
       for (int k = 0; k < m; ++k, ++target) {
         T& number = numbers_[*target];
-        for_each_of(parts, [&](Part part, int) {
-          part.set(number, detail::less_product(part(number), part(column[i]), part(row[k])));
-        });
+        for_each_part(parts,
+                      [&](Part part) { part.set(number, detail::less_product(part(number), part(column[i]), part(row[k]))); });
       }
   }
 

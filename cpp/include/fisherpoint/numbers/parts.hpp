@@ -54,13 +54,11 @@ class Part {
   for (int k = 0; k < count; ++k) work(Part(k));
 }
 
-// The same, where one call reads what another has written: with all parts of packs P, each has instructions of its own, so that
-// the processor does not take one part to wait for the part before it.
-template <class P>
-[[gnu::always_inline]] inline void for_each_part_apart(int count, auto&& work) {
-  constexpr int all = PartsOf<P>::count;
-  if (count == all) return for_each_index<all>([&](auto k) { work(Part(k)); });
-  for_each_part(count, work);
+// The same, where the compiler knows how many: each has instructions of its own, so that the processor does not take one part
+// to wait for the part before it, where one call reads what another has written.
+template <int count>
+[[gnu::always_inline]] inline void for_each_part(Count<count>, auto&& work) {
+  for_each_index<count>([&](auto k) { work(Part(k)); });
 }
 
 // How many parts have the first `used` lanes.
