@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "fisherpoint/integration/tangents.hpp"
-
 namespace fisherpoint {
 
 template <class M, class P, class Method>
