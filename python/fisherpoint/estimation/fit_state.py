@@ -92,7 +92,7 @@ class FitState(Kept):
     _EXTENTS: ClassVar[Extents] = {
         "theta": ("model.parameters",),
         "values": ("unknowns.names",),
-        **{f"unknowns.{name}": ("unknowns.names",) for name in ("center", "scale", "log", "lower", "upper")},
+        **{f"unknowns.{name}": ("unknowns.names",) for name in ("center", "scale", "log", "lower", "upper", "has_prior")},
         "weights": ("...", "model.outputs", "model.outputs"),
         "noise_covariance": ("model.outputs", "model.outputs"),
         "common.moved": ("*", "model.outputs", "*"),

@@ -3,6 +3,12 @@
 A problem is solved where the gradient vanishes: where next to nothing of the residuals lies in the tangent space. What does lie
 there is measured by its length, which is that of the undamped step in standard errors, and does not depend on the unknowns' units.
 Near a minimum the cost is flat to within its rounding and the integrator's; steps are then taken where that length becomes less.
+
+Far from it, residuals are mostly the model's curvature, and tell little of what they hardly depend on: followed as if they were noise,
+they lead such unknowns far off. Of those that a prior has it is known how far off they may be. So a step there takes the noise for
+as large as the residuals are, and the prior for what it is: it minimises ||r + J s||^2 + (mean square of r - 1) ||s||^2, whose second
+term vanishes with the excess of the residuals over the noise (as in data tempering, and as Levenberg's damping by the residuals'
+size, Yamashita and Fukushima 2001). Marquardt's damping comes on top.
 """
 
 from __future__ import annotations
@@ -77,6 +83,11 @@ MOST_FAILED = 15
 """Trials of a search that cannot be evaluated, after which it counts as stuck at the border of what can."""
 
 
+INWARD = 0.9
+"""Share of the way to a bound that a step goes at most, once a trial of the search could not be evaluated: where a bound is the
+border of what can, as zero is of a volume, no step on it helps."""
+
+
 class Residuals(Protocol):
     def __call__(self, z: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Residuals (b, M) and their Jacobian (b, M, P) of the problems `rows` (b,) at z (b, P), and which can be evaluated."""
@@ -120,6 +131,7 @@ def minimise(
     accuracy: Accuracy = EXACT,
     tolerance: float | Array = TOLERANCE,
     layout: Layout = DENSE,
+    has_prior: NDArray[np.bool_] | None = None,
 ) -> Minima:
     """Minimise half the sum of squared residuals of B problems of P coordinates each.
 
@@ -139,12 +151,14 @@ def minimise(
         As `TOLERANCE`; more where only costs are needed, which are half its square too large then, in squares of the noise.
     layout : Layout
         How the residuals' Jacobians are stored.
+    has_prior : ndarray of bool, (P,), optional
+        Whether the unit of a coordinate is the standard deviation of a prior, whose mean is zero; by default of none.
 
     Returns
     -------
     Minima
     """
-    search = _Searches(residuals, z0, lower, upper, unit, accuracy, tolerance, layout)
+    search = _Searches(residuals, z0, lower, upper, unit, accuracy, tolerance, layout, has_prior)
     iteration = 0
     while len(search.active):
         search.iterate(iteration >= CURVED_FROM)
@@ -166,8 +180,11 @@ class _Searches:
         accuracy: Accuracy,
         tolerance: float | Array,
         layout: Layout,
+        has_prior: NDArray[np.bool_] | None,
     ) -> None:
         self.layout = layout
+        # Of noise that is not known, weights are those of the residuals at the start: as large as these are.
+        self.expected = np.zeros(z0.shape[1], dtype=bool) if has_prior is None or unit == 0 else has_prior
         self.residuals, self.lower, self.upper, self.unit = residuals, lower, upper, unit
         self.negligible = max(LEAST_NEGLIGIBLE, 30 * accuracy.precision)
         count = len(z0)
@@ -182,7 +199,7 @@ class _Searches:
         self.rounding, self.spaced = np.broadcast_to(accuracy.rounding, count), accuracy.spacing
         self.spacing = self._spacing(self.z, self.tangent)
         self.damping, self.growth = np.full(count, FIRST_DAMPING), np.full(count, 2.0)
-        self.stride = np.full(count, FIRST_STRIDE)
+        self.stride = np.full(count, STRIDE if self.expected.all() else FIRST_STRIDE)
         self.refused, self.failed = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
         self.noticed, self.crept = self.cost.copy(), np.zeros(count, dtype=np.int32)  # cost that last fell, and steps since
         self.evaluations = np.ones(count, dtype=np.int32)
@@ -219,12 +236,13 @@ class _Searches:
         plain = flat & (self.refused[some] == 0)
         damping = np.where(plain, self.negligible**2, self.damping[some])
         units = np.where(self.units[some] > 0, self.units[some], tangent.size)
-        damped = tangent.damped(self.free[some], units, damping)
+        damped = tangent.damped(self.free[some], np.hypot(units, np.sqrt(self._excess(some) / FIRST_DAMPING)), damping)
         step = damped.step(tangent.along)
         stride = self.stride[some]
         share = np.max(np.abs(step) / np.maximum(1.0, np.abs(z)), axis=1, initial=0.0)  # of what the coordinates are
         step *= np.minimum(1.0, stride / np.maximum(share, 1e-300))[:, None]
-        taken = np.clip(z + step, self.lower, self.upper) - z
+        inward = np.where(self.failed[some] > 0, INWARD, 1.0)[:, None]
+        taken = np.clip(step, inward * (self.lower - z), inward * (self.upper - z))
         trial, strong = z + taken, np.zeros(len(some), dtype=bool)
         if bent:
             bend, strong = self._bend(some, taken, damped, ~flat)
@@ -273,6 +291,11 @@ class _Searches:
         """Root mean square of the residuals, or the unit of known noise where that is more."""
         noise: Array = np.maximum(self.unit, np.sqrt(2 * self.cost[some] / self.r.shape[1]))
         return noise
+
+    def _excess(self, some: NDArray[np.intp]) -> Array:
+        """The mean square of the residuals beyond the noise's (b, P), for the coordinates that a prior has."""
+        excess = np.maximum(np.square(self._noise(some)) - self.unit**2, 0.0)
+        return np.asarray(excess[:, None] * self.expected)
 
     def _near(self, some: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Whether rounding may keep the gradient from zero: it is as small as that, or the residuals themselves are."""

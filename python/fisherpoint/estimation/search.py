@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -171,7 +171,8 @@ def _found(z: Array, residuals: WeightedResiduals, end: int, evaluations: int, r
 def _minimised(residuals: WeightedResiduals, z0: Array, max_evaluations: int) -> Minima:
     unknowns = residuals.unknowns
     bounds, layout = (unknowns.lower, unknowns.upper), residuals.layout
-    minima = minimise(residuals.stored, z0, *bounds, max_evaluations, accuracy=residuals.accuracy, layout=layout)
+    given: dict[str, Any] = {"accuracy": residuals.accuracy, "layout": layout, "has_prior": unknowns.has_prior}
+    minima = minimise(residuals.stored, z0, *bounds, max_evaluations, **given)
     return minima._replace(end=unknowns.ended(minima))
 
 

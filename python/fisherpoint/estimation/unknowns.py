@@ -38,6 +38,8 @@ class Unknowns:
     log : ndarray of bool, (P,)
     lower, upper : ndarray, (P,)
         Bounds of z.
+    has_prior : ndarray of bool, (P,)
+        Whether center and scale are the mean and the standard deviation of a prior.
     """
 
     names: tuple[str, ...]
@@ -46,6 +48,7 @@ class Unknowns:
     log: NDArray[np.bool_]
     lower: Array
     upper: Array
+    has_prior: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.names)
@@ -114,6 +117,7 @@ def unknowns_of(
     """
     names = tuple(start)
     center, scale, log = np.zeros(len(names)), np.ones(len(names)), np.zeros(len(names), dtype=bool)
+    has_prior = np.array([(prior is not None and name in prior.names) or name in about for name in names], dtype=bool)
     lower, upper = np.full(len(names), -np.inf), np.full(len(names), np.inf)
     for j, name in enumerate(names):
         if prior is not None and name in prior.names:
@@ -128,7 +132,7 @@ def unknowns_of(
         for side, bound in zip((lower, upper), bounds.get(name, (None, None)), strict=True):
             if bound is not None and np.isfinite(bound) and not (log[j] and bound <= 0):
                 side[j] = ((np.log(bound) if log[j] else bound) - center[j]) / scale[j]
-    return Unknowns(names, center, scale, log, lower, upper)
+    return Unknowns(names, center, scale, log, lower, upper, has_prior)
 
 
 def checked_bounds(

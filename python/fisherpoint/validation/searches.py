@@ -167,8 +167,8 @@ class Searches:
         if self.noise_known:
             bounds, layout = (unknowns.lower, unknowns.upper), residuals.layout
             solved = self.solved if tolerance is None else tolerance
-            given: dict[str, Any] = {"accuracy": residuals.accuracy, "tolerance": solved, "layout": layout}
-            minima = minimise(residuals.stored, z0, *bounds, evaluations, **given)
+            given: dict[str, Any] = {"accuracy": residuals.accuracy, "layout": layout, "has_prior": unknowns.has_prior}
+            minima = minimise(residuals.stored, z0, *bounds, evaluations, tolerance=solved, **given)
             cost, noise = minima.cost, np.zeros((len(rows), n_y, n_y))
         else:
             full = correlations_can_be_estimated(residuals.measured, len(unknowns))
