@@ -95,22 +95,47 @@ void store_ends(const auto& x, const auto& y, const auto& status, std::span<cons
   }
 }
 
-// How many lanes of packs P are filled, of so many rows: all. But of models that are lists of operations a pack takes the less
-// time, the fewer of its vectors are in use; so of few rows each thread takes those that fill one vector.
-template <class M, class P>
-std::size_t filled_lanes(std::size_t rows, const Workers& workers) {
-  constexpr std::size_t all = lanes_of<P>::width, one = lanes_of<PartOf<P>>::width;
-  return !Shape<M>::unrolled && rows <= static_cast<std::size_t>(workers.threads()) * one ? one : all;
+// How many of so many points, those of the last packs, are in packs of one vector each. Full packs take the least time for a
+// point; but of models that are lists of operations a pack takes the less time, the fewer of its vectors are in use. So vectors
+// pay where no more than half of the lanes of a round of all threads would be filled, or else of the last pack's.
+inline std::size_t in_vectors(std::size_t points, std::size_t width, std::size_t threads) {
+  const std::size_t of_round = points % (threads * width), of_pack = points % width;
+  if (2 * of_round <= threads * width) return of_round;
+  return 2 * of_pack <= width ? of_pack : 0;
 }
 
-// work(rows) for all points in packs of `width`, in the given order; the last packs first, as they take longest, so that no
-// thread is left alone with one of them at the end.
-inline void in_packs(const Workers& workers, std::span<const std::size_t> order, std::size_t width, auto&& work) {
-  const std::size_t packs = (order.size() + width - 1) / width;
-  workers.for_each(packs, [&](std::size_t item) {
-    const std::size_t first = (packs - 1 - item) * width;
-    work(order.subspan(first, std::min(width, order.size() - first)));
-  });
+// The rows of packs P, in the given order; the last packs first, as they take longest, so that no thread is left alone with one
+// of them at the end.
+template <class M, class P>
+class PacksOf {
+  static constexpr std::size_t width = lanes_of<P>::width;
+
+ public:
+  static constexpr std::size_t vector = Shape<M>::unrolled ? width : lanes_of<PartOf<P>>::width;
+
+  PacksOf(std::span<const std::size_t> order, int threads) : order_(order) {
+    const std::size_t last = vector < width ? in_vectors(order.size(), width, threads) : 0;
+    whole_ = order.size() - last;
+    full_ = (whole_ + width - 1) / width;
+    count_ = full_ + (last + vector - 1) / vector;
+  }
+
+  std::size_t size() const { return count_; }
+  std::span<const std::size_t> operator[](std::size_t item) const {
+    const std::size_t pack = count_ - 1 - item, first = pack < full_ ? pack * width : whole_ + (pack - full_) * vector;
+    const std::size_t end = pack < full_ ? std::min(first + width, whole_) : std::min(first + vector, order_.size());
+    return order_.subspan(first, end - first);
+  }
+
+ private:
+  std::span<const std::size_t> order_;
+  std::size_t whole_, full_, count_;  // points and packs before those of one vector, and all packs
+};
+
+template <class M, class P>
+void in_packs(const Workers& workers, std::span<const std::size_t> order, auto&& work) {
+  const PacksOf<M, P> packs(order, workers.threads());
+  workers.for_each(packs.size(), [&](std::size_t item) { work(packs[item]); });
 }
 
 // The points' numbers, by increasing duration: what takes alike many steps shares a pack.

@@ -75,20 +75,21 @@ class RunTeam {
       if (runs.updates) update<P>(model, points, of_pieces, begun, runs);
       std::erase_if(begun, [&](auto i) { return status_[i] != Status::ok && (waiting_.push_back(i), true); });
       if (moved.each > 0) come_to_switches<P, Method>(model, points, of_pieces, tolerance, begun, start.moved, runs.segments);
-      in_packs(Workers(1), begun, width,
-               [&](auto rows) { find_paths<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached); });
+      in_packs<M, P>(Workers(1), begun, [&](auto rows) {
+        find_paths<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
+      });
       for (const std::size_t i : begun)
         if (at_[i].size() > 1 && paths_[i].size() > 0)
           missed_[i] = !samples_lie_between(shape, paths_[i], at_[i], next_to_jump * tolerance.relative * dt_[i]);
       waiting_.insert(waiting_.end(), begun.begin(), begun.end());
       end_pieces(shape, runs, start, out);  // that have failed
       if (goes_stepwise(shape, dependence_of(model))) {
-        in_packs(Workers(1), stepwise_packs(width), width, [&](auto rows) {
+        in_packs<M, P>(Workers(1), stepwise_packs(width), [&](auto rows) {
           follow_columns_stepwise<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
         });
         end_pieces(shape, runs, start, out);
       }
-      in_packs(Workers(1), full_packs(width), width, [&](auto rows) {
+      in_packs<M, P>(Workers(1), full_packs(width), [&](auto rows) {
         follow_columns<P, Method>(model, points, of_pieces, tolerance, rows, &carried, paths_, reached);
       });
       end_pieces(shape, runs, start, out);
@@ -190,7 +191,7 @@ class RunTeam {
           updated.push_back(i);
           if (end_[i].doubtful) begin_in_doubt(shape, i);
         }
-      in_packs(Workers(1), updated, lanes_of<P>::width, [&](auto rows) {
+      in_packs<M, P>(Workers(1), updated, [&](auto rows) {
         const PointPack<M, P> pack(shape, points, of_pieces, rows);
         const VariationalEquation<M, P> equation(model, pack.theta, pack.u, pack.used);
         const auto& dependence = equation.dependence;
@@ -241,7 +242,7 @@ class RunTeam {
         switching.push_back(i);
       }
       const Points under{points.count, points.x0, before.data(), points.dt};
-      in_packs(Workers(1), switching, lanes_of<P>::width, [&](auto rows) {
+      in_packs<M, P>(Workers(1), switching, [&](auto rows) {
         rates_at_starts<P, Method>(model, under, of_pieces, tolerance, rows, ends_.data(), came_.data(), rate_.data() + e * n_x,
                                    slid_.data() + e * shape_of(model).jumps_end, moved.each);
       });
@@ -364,19 +365,16 @@ class RunTeam {
 template <class P, class Method, class M>
 void run_sensitivity_packs(const M& model, const Runs& runs, const RunStart& start, const Parameters& parameters,
                            const Tolerance& tolerance, const Workers& workers, const SensitiveRuns& out) {
-  constexpr std::size_t most = 1024;
+  constexpr std::size_t most = 1024, least = PacksOf<M, P>::vector;
   const auto threads = static_cast<std::size_t>(workers.threads());
-  const std::size_t least = filled_lanes<M, P>(runs.count, workers);
-  const std::size_t together = std::clamp((runs.count + threads - 1) / threads, least, std::max(least, most));
+  const std::size_t each = (runs.count + threads - 1) / threads, together = std::min(most, (each + least - 1) / least * least);
   std::vector<RunTeam<M>> teams;
   for (std::size_t first = 0; first < runs.count; first += together)
     teams.emplace_back(first, std::min(first + together, runs.count));
-  while (std::erase_if(teams, [](const RunTeam<M>& team) { return team.done(); }), !teams.empty()) {
-    if (workers.interrupted()) throw Interrupted{};
-    workers.for_each(teams.size(), [&](std::size_t t) {
-      teams[t].template advance<P, Method>(model, runs, start, parameters, tolerance, out);
-    });
-  }
+  workers.for_each_until_done(teams.size(), [&](std::size_t t) {
+    teams[t].template advance<P, Method>(model, runs, start, parameters, tolerance, out);
+    return teams[t].done();
+  });
 }
 
 // Compiled once per model and instruction set (cpp/src/sensitivities.cpp).

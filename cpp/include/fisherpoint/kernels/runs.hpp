@@ -173,7 +173,7 @@ void advance_runs(const M& model, const Runs& runs, const Parameters& parameters
 template <class P, class Method, class M>
 void run_packs(const M& model, const Runs& runs, const Parameters& parameters, const Tolerance& tolerance,
                const Workers& workers, const RunStates& out) {
-  const std::size_t n_x = shape_of(model).states, width = filled_lanes<M, P>(runs.count, workers);
+  const std::size_t n_x = shape_of(model).states;
   std::vector<std::size_t> order(runs.count);
   std::iota(order.begin(), order.end(), std::size_t{0});
   for (const std::size_t k : order) {
@@ -181,17 +181,12 @@ void run_packs(const M& model, const Runs& runs, const Parameters& parameters, c
     out.status[k] = Status::ok;
     out.reached[k] = 0;
   }
-  std::vector<RunProgress<P>> progress((runs.count + width - 1) / width);
-  std::vector<std::size_t> todo(progress.size());
-  std::iota(todo.begin(), todo.end(), std::size_t{0});
-  while (std::erase_if(todo, [&](auto pack) { return progress[pack].ended; }), !todo.empty()) {
-    if (workers.interrupted()) throw Interrupted{};
-    workers.for_each(todo.size(), [&](std::size_t item) {
-      const std::size_t first = todo[item] * width;
-      const std::span<const std::size_t> rows(order.data() + first, std::min(width, runs.count - first));
-      advance_runs<P, Method>(model, runs, parameters, tolerance, rows, progress[todo[item]], out);
-    });
-  }
+  const PacksOf<M, P> packs(order, workers.threads());
+  std::vector<RunProgress<P>> progress(packs.size());
+  workers.for_each_until_done(packs.size(), [&](std::size_t pack) {
+    advance_runs<P, Method>(model, runs, parameters, tolerance, packs[pack], progress[pack], out);
+    return progress[pack].ended;
+  });
 }
 
 // Compiled once per model and instruction set

@@ -373,22 +373,21 @@ template <class P, class Method, class M>
 void sensitivity_packs(const M& model, const Points& points, const Parameters& parameters, const Tolerance& tolerance,
                        const Workers& workers, const SensitiveTrajectories& out, const Carried* carried = nullptr) {
   constexpr std::size_t batch = 8192;
-  const auto width = [&](const auto& rows) { return filled_lanes<M, P>(rows.size(), workers); };
   const Shelves shelves;  // for all rounds of the calling thread
   std::vector<PointPath<M>> paths(points.count);
   const std::vector<std::size_t> order = by_duration(points);
   const bool by_rows = !out.dx_dtheta && takes_rows(model);
   for (std::size_t from = 0; from < order.size(); from += batch) {  // so that few paths are kept at a time
     std::vector<std::size_t> todo(order.begin() + from, order.begin() + std::min(from + batch, order.size()));
-    in_packs(workers, todo, width(todo),
-             [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out); });
+    in_packs<M, P>(workers, todo,
+                   [&](auto rows) { find_paths<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out); });
     while (std::erase_if(todo, [&](auto k) { return paths[k].size() == 0; }), !todo.empty()) {
       std::stable_sort(todo.begin(), todo.end(), [&](auto a, auto b) { return paths[a].size() < paths[b].size(); });
       std::vector<std::size_t> in_columns, stepwise;
       for (const std::size_t k : todo)
         if (paths[k].stepwise) stepwise.push_back(k);
       std::erase_if(todo, [&](auto k) { return paths[k].stepwise; });
-      in_packs(workers, stepwise, width(stepwise), [&](auto rows) {
+      in_packs<M, P>(workers, stepwise, [&](auto rows) {
         follow_columns_stepwise<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out);
       });
       if constexpr (rows_may_pay<M>) {
@@ -397,13 +396,14 @@ void sensitivity_packs(const M& model, const Points& points, const Parameters& p
           for (const std::size_t k : todo)
             (is_stiff(paths[k]) || meets_jump(shape_of(model), paths[k]) || meets_steep(paths[k]) ? in_columns : in_rows)
                 .push_back(k);
-          in_packs(workers, in_rows, width(in_rows),
-                   [&](auto rows) { follow_rows<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
+          in_packs<M, P>(workers, in_rows,
+                         [&](auto rows) { follow_rows<P, Method>(model, points, parameters, tolerance, rows, paths, out); });
         }
       }
       const auto& by_columns = by_rows ? in_columns : todo;
-      in_packs(workers, by_columns, width(by_columns),
-               [&](auto rows) { follow_columns<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out); });
+      in_packs<M, P>(workers, by_columns, [&](auto rows) {
+        follow_columns<P, Method>(model, points, parameters, tolerance, rows, carried, paths, out);
+      });
       todo.insert(todo.end(), stepwise.begin(), stepwise.end());
     }
   }

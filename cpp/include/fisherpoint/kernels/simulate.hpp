@@ -19,7 +19,7 @@ void simulate_packs(const M& model, const Points& points, const Parameters& para
                     const Workers& workers, const Trajectories& out) {
   using Equation = StateEquation<M, P>;
   const auto shape = shape_of(model);
-  in_packs(workers, by_duration(points), filled_lanes<M, P>(points.count, workers), [&](std::span<const std::size_t> rows) {
+  in_packs<M, P>(workers, by_duration(points), [&](std::span<const std::size_t> rows) {
     const PointPack<M, P> pack(shape, points, parameters, rows);
     const Equation equation(model, pack.theta, pack.u, pack.used);
     auto x = pack.x0;

@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <cstddef>
 #include <exception>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <thread>
 
 #include "fisherpoint/kernels/thread_pool.hpp"
 #include "fisherpoint/numbers/shelves.hpp"
@@ -48,7 +50,7 @@ class Workers {
           work(item);
           if (!asked) continue;
           const auto now = std::chrono::steady_clock::now();
-          if (now - last_asked < std::chrono::milliseconds(100)) continue;
+          if (now - last_asked < between_questions) continue;
           last_asked = now;
           if (asked()) throw Interrupted{};
         }
@@ -70,7 +72,51 @@ class Workers {
     if (failure) std::rethrow_exception(failure);
   }
 
+  // advance(item) again and again, for every item in [0, items), until it returns that the item is done: what takes long, piece
+  // by piece. A thread stays with its item, and waits for no other; a piece should take well under a tenth of a second.
+  void for_each_until_done(std::size_t items, const std::function<bool(std::size_t)>& advance) const {
+    const std::thread::id caller = std::this_thread::get_id();
+    std::atomic<std::size_t> next{0}, left{items};
+    std::atomic<bool> stop{false};
+    std::mutex waiting;
+    std::condition_variable changed;
+    const auto interrupt = [&] {
+      stop = true;
+      throw Interrupted{};
+    };
+    const auto go_through = [&](std::size_t) {
+      const bool calling = std::this_thread::get_id() == caller;
+      auto asked = std::chrono::steady_clock::now();
+      for (std::size_t item = next++; item < items; item = next++) {
+        while (!stop && !advance(item)) {
+          if (!calling || std::chrono::steady_clock::now() - asked < between_questions) continue;
+          asked = std::chrono::steady_clock::now();
+          if (interrupted()) interrupt();
+        }
+        if (stop) return;
+        const std::lock_guard lock(waiting);
+        if (--left == 0) changed.notify_one();
+      }
+      if (!calling) return;
+      const auto ended = [&] { return left == 0 || stop; };
+      look_for_a_while(ended);
+      for (std::unique_lock lock(waiting); !ended();)
+        if (!changed.wait_for(lock, between_questions, ended) && interrupted()) interrupt();
+    };
+    for_each(std::min(static_cast<std::size_t>(std::max(threads_, 1)), items), [&](std::size_t thread) {
+      try {
+        go_through(thread);
+      } catch (...) {
+        stop = true;
+        changed.notify_one();
+        throw;
+      }
+    });
+  }
+
  private:
+  static constexpr std::chrono::milliseconds between_questions{100};
+
   int threads_;
   std::function<bool()> interrupted_;
 };
