@@ -3,11 +3,14 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <numeric>
 #include <stdexcept>
 #include <thread>
 #include <vector>
 
+#include "fisherpoint/kernels/points.hpp"
 #include "fisherpoint/kernels/workers.hpp"
+#include "fisherpoint/models/tape.hpp"
 
 using namespace fisherpoint;
 
@@ -41,6 +44,73 @@ TEST_CASE("an interrupt stops the work within a moment") {
   CHECK_THROWS_AS(workers.for_each(1 << 20, [](std::size_t) { std::this_thread::sleep_for(std::chrono::milliseconds(1)); }),
                   Interrupted);
   CHECK(std::chrono::steady_clock::now() - started < std::chrono::seconds(5));
+}
+
+TEST_CASE("every item is taken on until it is done, and no further") {
+  for (int threads : {1, 2, 5})
+    for (std::size_t items : {0, 1, 2, 40}) {
+      std::vector<std::atomic<int>> pieces(items), inside(items);
+      Workers(threads).for_each_until_done(items, [&](std::size_t i) {
+        CHECK(++inside[i] == 1);
+        std::this_thread::yield();
+        --inside[i];
+        return ++pieces[i] == 1 + static_cast<int>(i) % 7;
+      });
+      for (std::size_t i = 0; i < items; ++i) CHECK(pieces[i] == 1 + static_cast<int>(i) % 7);
+    }
+}
+
+TEST_CASE("an interrupt stops items that take long, also those that another thread has alone") {
+  for (int threads : {1, 2}) {
+    std::atomic<bool> elsewhere = false;
+    std::atomic<int> asked = 0;
+    const Workers workers(threads, [&] { return ++asked >= 2; });
+    const auto caller = std::this_thread::get_id();
+    const auto started = std::chrono::steady_clock::now();
+    CHECK_THROWS_AS(workers.for_each_until_done(2,
+                                                [&](std::size_t) {
+                                                  std::this_thread::sleep_for(std::chrono::milliseconds(1));
+                                                  if (std::this_thread::get_id() != caller) elsewhere = true;
+                                                  return elsewhere && std::this_thread::get_id() == caller;
+                                                }),
+                    Interrupted);
+    CHECK(std::chrono::steady_clock::now() - started < std::chrono::seconds(5));
+  }
+}
+
+TEST_CASE("an exception ends items that take long") {
+  for (int threads : {1, 3}) {
+    std::array<std::atomic<int>, 3> pieces{};
+    CHECK_THROWS_AS(Workers(threads).for_each_until_done(pieces.size(),
+                                                         [&](std::size_t i) {
+                                                           if (++pieces[i] == 3 && i == 2) throw std::runtime_error("no");
+                                                           return pieces[i] == 1000;
+                                                         }),
+                    std::runtime_error);
+    CHECK(pieces[2] == 3);
+  }
+}
+
+TEST_CASE("packs have every point once, in order, and are full but for those of the end") {
+  using P = Pack<4 * native_lanes>;
+  constexpr std::size_t width = P::width, vector = PacksOf<TapeModel, P>::vector;
+  static_assert(vector == native_lanes);
+  for (std::size_t threads : {1, 2, 3})
+    for (std::size_t points = 0; points <= 7 * width + 1; ++points) {
+      std::vector<std::size_t> order(points), found;
+      std::iota(order.begin(), order.end(), std::size_t{0});
+      const PacksOf<TapeModel, P> packs(order, static_cast<int>(threads));
+      std::size_t small = 0;
+      for (std::size_t pack = packs.size(); pack-- > 0;) {
+        found.insert(found.end(), packs[pack].begin(), packs[pack].end());
+        CHECK(packs[pack].size() > 0);
+        CHECK(packs[pack].size() <= width);
+        small += packs[pack].size() < width;
+      }
+      CHECK(found == order);
+      CHECK(small <= threads * width / 2 / vector);
+      if (points <= threads * vector) CHECK(packs.size() == (points + vector - 1) / vector);  // each thread has some
+    }
 }
 
 TEST_CASE("threads are kept, and serve callers side by side") {
