@@ -119,6 +119,58 @@ def test_failing_trials_are_stepped_around() -> None:
     np.testing.assert_allclose(minima.z, without.z, atol=1e-9)
 
 
+SHORT = np.linspace(0.0, 1.0, 60)
+SWINGS = np.random.default_rng(3).standard_normal((20, 3))
+
+
+def swing(z: Array, row: int) -> tuple[Array, Array]:
+    """A decaying swing with a frequency that weighs most, a rate and a drift that weigh little; each unit is a prior's std."""
+
+    def modelled(z: Array) -> tuple[Array, Array]:
+        decay, phase = np.exp(-(0.5 + 0.1 * z[1]) * SHORT), (10 + 1.5 * z[0]) * SHORT + 0.06 * z[2] * SHORT**2
+        slopes = [1.5 * SHORT * np.cos(phase), -0.1 * SHORT * np.sin(phase), 0.06 * SHORT**2 * np.cos(phase)]
+        return decay * np.sin(phase), decay[:, None] * np.stack(slopes, axis=1)
+
+    y, slopes = modelled(z)
+    data = modelled(SWINGS[row])[0] + 1e-3 * np.random.default_rng(row).standard_normal(len(SHORT))
+    return np.concatenate([(y - data) / 1e-3, z]), np.concatenate([slopes / 1e-3, np.eye(3)])
+
+
+def test_what_a_prior_has_is_not_led_off_by_the_models_curvature() -> None:
+    starts, lowest = np.zeros(SWINGS.shape), minimise(together(swing)[0], SWINGS, *free(3)).cost
+    residuals, asked = together(swing)
+    minima = minimise(residuals, starts, *free(3), has_prior=np.ones(3, dtype=bool))
+    assert (minima.end == CONVERGED).all()
+    np.testing.assert_allclose(minima.cost, lowest, rtol=1e-6)
+    residuals, asked_without = together(swing)
+    without = minimise(residuals, starts, *free(3))
+    assert (without.cost > 1e3 * lowest).any()  # or the test shows nothing
+    farthest, farthest_without = (max(np.abs(z).max() for _, z, _ in trials) for trials in (asked, asked_without))
+    assert farthest < 0.2 * farthest_without
+
+
+def test_a_prior_of_some_coordinates_leaves_the_minimum_where_it_is() -> None:
+    starts = np.tile([1.0, 0.3, 0.0], (len(NOISE), 1))
+    plain = minimise(together(exponential)[0], starts, *free(3))
+    for has_prior in np.eye(3, dtype=bool):
+        minima = minimise(together(exponential)[0], starts, *free(3), has_prior=has_prior)
+        assert (minima.end == CONVERGED).all()
+        np.testing.assert_allclose(minima.z, plain.z, atol=1e-7)
+
+
+def test_a_bound_at_which_nothing_can_be_evaluated_is_come_near_to() -> None:
+    def volume(z: Array, row: int) -> tuple[Array, Array]:
+        least = max(float(z[0]), 1e-300)
+        return np.array([100 * (np.log(least) + (row + 1) * np.log(10.0)), 0.01 * z[1]]), np.array(
+            [[100 / least, 0.0], [0.0, 0.01]]
+        )
+
+    lower, upper = np.array([0.0, -np.inf]), np.full(2, np.inf)
+    minima = minimise(together(volume, lambda z: z[0] <= 0)[0], np.tile([1.0, 0.0], (6, 1)), lower, upper)
+    assert (minima.end == CONVERGED).all()
+    np.testing.assert_allclose(minima.z[:, 0], 10.0 ** -np.arange(1.0, 7.0), rtol=1e-7)
+
+
 def test_a_start_that_cannot_be_evaluated_is_told_and_left() -> None:
     starts = np.array([[1.0, 0.3, 0.0], [1.0, 5.0, 0.0]])
     minima = minimise(together(exponential, lambda z: bool(z[1] > 3))[0], starts, *free(3))

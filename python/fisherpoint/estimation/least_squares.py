@@ -4,11 +4,11 @@ A problem is solved where the gradient vanishes: where next to nothing of the re
 there is measured by its length, which is that of the undamped step in standard errors, and does not depend on the unknowns' units.
 Near a minimum the cost is flat to within its rounding and the integrator's; steps are then taken where that length becomes less.
 
-Far from it, residuals are mostly the model's curvature, and tell little of what they hardly depend on: followed as if they were noise,
-they lead such unknowns far off. Of those that a prior has it is known how far off they may be. So a step there takes the noise for
-as large as the residuals are, and the prior for what it is: it minimises ||r + J s||^2 + (mean square of r - 1) ||s||^2, whose second
-term vanishes with the excess of the residuals over the noise (as in data tempering, and as Levenberg's damping by the residuals'
-size, Yamashita and Fukushima 2001). Marquardt's damping comes on top.
+Far from a minimum residuals are mostly the model's curvature. Steps that take them for noise lead unknowns on which they hardly
+depend far off. How far off an unknown may be is known where it has a prior. So a step takes the noise for as large as what it could
+take off the residuals, and the prior for what it is: with q, the mean square of that part, it minimises ||r + J s||^2 + q ||s||^2,
+in standard deviations of the prior. At a minimum q is zero, and steps come to be undamped ones. Damping by the size of the residuals
+is Levenberg's, in the form of Yamashita and Fukushima (2001); Marquardt's is added where steps are refused.
 """
 
 from __future__ import annotations
@@ -183,8 +183,7 @@ class _Searches:
         has_prior: NDArray[np.bool_] | None,
     ) -> None:
         self.layout = layout
-        # Of noise that is not known, weights are those of the residuals at the start: as large as these are.
-        self.expected = np.zeros(z0.shape[1], dtype=bool) if has_prior is None or unit == 0 else has_prior
+        self.has_prior = np.zeros(z0.shape[1], dtype=bool) if has_prior is None else has_prior
         self.residuals, self.lower, self.upper, self.unit = residuals, lower, upper, unit
         self.negligible = max(LEAST_NEGLIGIBLE, 30 * accuracy.precision)
         count = len(z0)
@@ -199,7 +198,7 @@ class _Searches:
         self.rounding, self.spaced = np.broadcast_to(accuracy.rounding, count), accuracy.spacing
         self.spacing = self._spacing(self.z, self.tangent)
         self.damping, self.growth = np.full(count, FIRST_DAMPING), np.full(count, 2.0)
-        self.stride = np.full(count, STRIDE if self.expected.all() else FIRST_STRIDE)
+        self.stride = np.full(count, STRIDE if self.has_prior.all() else FIRST_STRIDE)
         self.refused, self.failed = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
         self.noticed, self.crept = self.cost.copy(), np.zeros(count, dtype=np.int32)  # cost that last fell, and steps since
         self.evaluations = np.ones(count, dtype=np.int32)
@@ -236,7 +235,9 @@ class _Searches:
         plain = flat & (self.refused[some] == 0)
         damping = np.where(plain, self.negligible**2, self.damping[some])
         units = np.where(self.units[some] > 0, self.units[some], tangent.size)
-        damped = tangent.damped(self.free[some], np.hypot(units, np.sqrt(self._excess(some) / FIRST_DAMPING)), damping)
+        as_prior = np.square(length) / self.r.shape[1] * np.maximum(1.0, damping / FIRST_DAMPING)
+        units = np.hypot(units, np.sqrt(as_prior / damping)[:, None] * self.has_prior)
+        damped = tangent.damped(self.free[some], units, damping)
         step = damped.step(tangent.along)
         stride = self.stride[some]
         share = np.max(np.abs(step) / np.maximum(1.0, np.abs(z)), axis=1, initial=0.0)  # of what the coordinates are
@@ -291,11 +292,6 @@ class _Searches:
         """Root mean square of the residuals, or the unit of known noise where that is more."""
         noise: Array = np.maximum(self.unit, np.sqrt(2 * self.cost[some] / self.r.shape[1]))
         return noise
-
-    def _excess(self, some: NDArray[np.intp]) -> Array:
-        """The mean square of the residuals beyond the noise's (b, P), for the coordinates that a prior has."""
-        excess = np.maximum(np.square(self._noise(some)) - self.unit**2, 0.0)
-        return np.asarray(excess[:, None] * self.expected)
 
     def _near(self, some: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Whether rounding may keep the gradient from zero: it is as small as that, or the residuals themselves are."""

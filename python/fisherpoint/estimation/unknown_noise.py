@@ -7,6 +7,7 @@ of log det, tr(D^-1 dD), is zero.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,8 +105,9 @@ def minimise_log_det(
 
     def minimised(z: Array, y: Array, covariance: Array) -> Minima:
         weighted = replace(residuals, y=y, covariance=covariance[:, None])
-        bounds, accuracy, layout = (unknowns.lower, unknowns.upper), weighted.accuracy, weighted.layout
-        return minimise(weighted.stored, z, *bounds, max_evaluations, unit=0.0, accuracy=accuracy, layout=layout)
+        bounds = unknowns.lower, unknowns.upper
+        given: dict[str, Any] = {"accuracy": weighted.accuracy, "layout": weighted.layout, "has_prior": unknowns.has_prior}
+        return minimise(weighted.stored, z, *bounds, max_evaluations, unit=0.0, **given)
 
     y = np.broadcast_to(residuals.y, (len(z0), *residuals.y.shape[1:]))
     covariance = covariance_at(z0, y) * np.eye(len(least))  # of a start alone, correlations mean nothing
