@@ -7,7 +7,7 @@ Near a minimum the cost is flat to within its rounding and the integrator's; ste
 Far from a minimum residuals are mostly the model's curvature. Steps that take them for noise lead unknowns on which they hardly
 depend far off. How far off an unknown may be is known where it has a prior. So a step takes the noise for as large as what it could
 take off the residuals, and the prior for what it is: with q, the mean square of that part, it minimises ||r + J s||^2 + q ||s||^2,
-in standard deviations of the prior. At a minimum q is zero, and steps come to be undamped ones. Damping by the size of the residuals
+in standard deviations of the prior. At a minimum q is zero, and steps come to be undamped ones. Damping by the residuals' size
 is Levenberg's, in the form of Yamashita and Fukushima (2001); Marquardt's is added where steps are refused.
 """
 
