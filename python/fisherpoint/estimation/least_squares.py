@@ -52,9 +52,10 @@ AS_EXPECTED = 0.75
 FIRST_DAMPING = 1e-2
 """First damping, in units of the squared lengths of the columns. From 0.01 to 1, NIST's problems show no difference."""
 
-STRIDE, FIRST_STRIDE = 10.0, 0.5
+STRIDE, FIRST_STRIDE, FIRST_STRIDE_OF_PRIOR = 10.0, 0.5, 2.0
 """Longest step of a coordinate, in units of max(1, |z|), and of the first one: past it, where the model is another one,
-trajectories cost most. Every step that is taken doubles what the next one may be."""
+trajectories cost most. Every step that is taken doubles what the next one may be. The last of the three is the first step's where
+all coordinates have a prior, in its standard deviations."""
 
 CURVED_FROM = 20
 """Iterations after which steps are bent along the residuals' curvature, at the price of an evaluation each."""
@@ -198,7 +199,7 @@ class _Searches:
         self.rounding, self.spaced = np.broadcast_to(accuracy.rounding, count), accuracy.spacing
         self.spacing = self._spacing(self.z, self.tangent)
         self.damping, self.growth = np.full(count, FIRST_DAMPING), np.full(count, 2.0)
-        self.stride = np.full(count, STRIDE if self.has_prior.all() else FIRST_STRIDE)
+        self.stride = np.full(count, FIRST_STRIDE_OF_PRIOR if self.has_prior.all() else FIRST_STRIDE)
         self.refused, self.failed = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
         self.noticed, self.crept = self.cost.copy(), np.zeros(count, dtype=np.int32)  # cost that last fell, and steps since
         self.evaluations = np.ones(count, dtype=np.int32)
