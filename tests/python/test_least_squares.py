@@ -171,6 +171,20 @@ def test_a_bound_at_which_nothing_can_be_evaluated_is_come_near_to() -> None:
     np.testing.assert_allclose(minima.z[:, 0], 10.0 ** -np.arange(1.0, 7.0), rtol=1e-7)
 
 
+def test_a_minimum_on_a_bound_is_found_though_a_trial_there_has_failed() -> None:
+    def cubes(z: Array, row: int) -> tuple[Array, Array]:
+        slope = 10.0**row
+        return np.array([slope * (z[0] + 1), z[1] ** 3 - 0.125]), np.array([[slope, 0.0], [0.0, 3 * z[1] ** 2]])
+
+    residuals, asked = together(cubes, lambda z: bool(z[1] > 0.55))
+    lower, upper = np.array([0.0, -np.inf]), np.full(2, np.inf)
+    minima = minimise(residuals, np.tile([0.05, 0.1], (2, 1)), lower, upper)
+    assert any(z[0] == 0 and z[1] > 0.55 for _, z, _ in asked)  # or the test shows nothing
+    assert (minima.end == CONVERGED).all()
+    np.testing.assert_allclose(minima.z, [[0.0, 0.5]] * 2, rtol=1e-7)
+    assert (minima.z[:, 0] == 0).all()
+
+
 def test_a_start_that_cannot_be_evaluated_is_told_and_left() -> None:
     starts = np.array([[1.0, 0.3, 0.0], [1.0, 5.0, 0.0]])
     minima = minimise(together(exponential, lambda z: bool(z[1] > 3))[0], starts, *free(3))

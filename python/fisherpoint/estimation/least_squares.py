@@ -84,9 +84,9 @@ MOST_FAILED = 15
 """Trials of a search that cannot be evaluated, after which it counts as stuck at the border of what can."""
 
 
-INWARD = 0.9
-"""Share of the way to a bound that a step goes at most, once a trial of the search could not be evaluated: where a bound is the
-border of what can, as zero is of a volume, no step on it helps."""
+INWARD, NEARER = 0.9, 1e-3
+"""Share of the way to a bound that a coordinate goes at most, once a trial on that bound could not be evaluated: the bound may be
+the border of what can, as zero is of a volume. After n such trials the bound is tried again at a distance of NEARER**n from it."""
 
 
 class Residuals(Protocol):
@@ -201,6 +201,7 @@ class _Searches:
         self.damping, self.growth = np.full(count, FIRST_DAMPING), np.full(count, 2.0)
         self.stride = np.full(count, FIRST_STRIDE_OF_PRIOR if self.has_prior.all() else FIRST_STRIDE)
         self.refused, self.failed = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
+        self.failed_there = np.zeros(self.z.shape, dtype=np.int32)  # trials with a coordinate on a bound
         self.noticed, self.crept = self.cost.copy(), np.zeros(count, dtype=np.int32)  # cost that last fell, and steps since
         self.evaluations = np.ones(count, dtype=np.int32)
         self.end = np.where(ok, LIMIT, NOT_EVALUABLE).astype(np.int32)
@@ -243,7 +244,9 @@ class _Searches:
         stride = self.stride[some]
         share = np.max(np.abs(step) / np.maximum(1.0, np.abs(z)), axis=1, initial=0.0)  # of what the coordinates are
         step *= np.minimum(1.0, stride / np.maximum(share, 1e-300))[:, None]
-        inward = np.where(self.failed[some] > 0, INWARD, 1.0)[:, None]
+        failures = self.failed_there[some]
+        held_off = (failures > 0) & (np.minimum(z - self.lower, self.upper - z) > NEARER**failures)
+        inward = np.where(held_off, INWARD, 1.0)
         taken = np.clip(step, inward * (self.lower - z), inward * (self.upper - z))
         trial, strong = z + taken, np.zeros(len(some), dtype=bool)
         if bent:
@@ -274,6 +277,7 @@ class _Searches:
         self.damping[rows] *= np.where(flat, 0.1, shrink)[better]
         self.damping[rows], self.growth[rows], self.refused[rows] = np.maximum(self.damping[rows], 1e-40), 2.0, 0
         self.failed[some[~ok]] += 1
+        self.failed_there[some[~ok]] += ((taken != 0) & ((trial <= self.lower) | (trial >= self.upper)))[~ok]
         self.stride[some[~ok]] = RETREAT * np.minimum(share, stride)[~ok]
         self.stride[rows] = np.minimum(STRIDE, 2 * self.stride[rows])
         self._refuse(some[~better], flat[~better])
