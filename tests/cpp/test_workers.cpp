@@ -60,11 +60,25 @@ TEST_CASE("every item is taken on until it is done, and no further") {
     }
 }
 
+TEST_CASE("an interrupt stops items that are done at once, however many they are") {
+  for (int threads : {1, 2}) {
+    std::atomic<int> done = 0;
+    const Workers workers(threads, [] { return true; });
+    CHECK_THROWS_AS(workers.for_each_until_done(1 << 20,
+                                                [&](std::size_t) {
+                                                  std::this_thread::sleep_for(std::chrono::milliseconds(1));
+                                                  return ++done > 0;
+                                                }),
+                    Interrupted);
+    CHECK(done < 10000);
+  }
+}
+
 TEST_CASE("an interrupt stops items that take long, also those that another thread has alone") {
   for (int threads : {1, 2}) {
     std::atomic<bool> elsewhere = false;
-    std::atomic<int> asked = 0;
-    const Workers workers(threads, [&] { return ++asked >= 2; });
+    std::atomic<int> checks = 0;
+    const Workers workers(threads, [&] { return ++checks >= 2; });
     const auto caller = std::this_thread::get_id();
     const auto started = std::chrono::steady_clock::now();
     CHECK_THROWS_AS(workers.for_each_until_done(2,

@@ -114,7 +114,7 @@ class PacksOf {
   static constexpr std::size_t vector = Shape<M>::unrolled ? width : lanes_of<PartOf<P>>::width;
 
   PacksOf(std::span<const std::size_t> order, int threads) : order_(order) {
-    const std::size_t last = vector < width ? in_vectors(order.size(), width, threads) : 0;
+    const std::size_t last = vector < width ? in_vectors(order.size(), width, std::max(threads, 1)) : 0;
     whole_ = order.size() - last;
     full_ = (whole_ + width - 1) / width;
     count_ = full_ + (last + vector - 1) / vector;

@@ -50,7 +50,7 @@ class Workers {
           work(item);
           if (!asked) continue;
           const auto now = std::chrono::steady_clock::now();
-          if (now - last_asked < between_questions) continue;
+          if (now - last_asked < between_checks) continue;
           last_asked = now;
           if (asked()) throw Interrupted{};
         }
@@ -80,20 +80,17 @@ class Workers {
     std::atomic<bool> stop{false};
     std::mutex waiting;
     std::condition_variable changed;
-    const auto interrupt = [&] {
-      stop = true;
-      throw Interrupted{};
-    };
-    const auto go_through = [&](std::size_t) {
+    const auto go_through = [&] {
       const bool calling = std::this_thread::get_id() == caller;
-      auto asked = std::chrono::steady_clock::now();
+      auto checked = std::chrono::steady_clock::now();
       for (std::size_t item = next++; item < items; item = next++) {
-        while (!stop && !advance(item)) {
-          if (!calling || std::chrono::steady_clock::now() - asked < between_questions) continue;
-          asked = std::chrono::steady_clock::now();
-          if (interrupted()) interrupt();
+        for (bool done = false; !done;) {
+          if (stop) return;
+          done = advance(item);
+          if (!calling || std::chrono::steady_clock::now() - checked < between_checks) continue;
+          checked = std::chrono::steady_clock::now();
+          if (interrupted()) throw Interrupted{};
         }
-        if (stop) return;
         const std::lock_guard lock(waiting);
         if (--left == 0) changed.notify_one();
       }
@@ -101,11 +98,11 @@ class Workers {
       const auto ended = [&] { return left == 0 || stop; };
       look_for_a_while(ended);
       for (std::unique_lock lock(waiting); !ended();)
-        if (!changed.wait_for(lock, between_questions, ended) && interrupted()) interrupt();
+        if (!changed.wait_for(lock, between_checks, ended) && interrupted()) throw Interrupted{};
     };
-    for_each(std::min(static_cast<std::size_t>(std::max(threads_, 1)), items), [&](std::size_t thread) {
+    for_each(std::min(static_cast<std::size_t>(std::max(threads_, 1)), items), [&](std::size_t) {
       try {
-        go_through(thread);
+        go_through();
       } catch (...) {
         stop = true;
         changed.notify_one();
@@ -115,7 +112,7 @@ class Workers {
   }
 
  private:
-  static constexpr std::chrono::milliseconds between_questions{100};
+  static constexpr std::chrono::milliseconds between_checks{100};
 
   int threads_;
   std::function<bool()> interrupted_;
