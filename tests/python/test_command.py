@@ -29,10 +29,10 @@ def slow(name, plot):
     return drawn(name, plot)
 drawing._encoded = slow
 pictures = drawing.Drawers.drawn
-def asked(self, plots):
-    print("asked", file=sys.stderr, flush=True)
+def awaited(self, plots):
+    print("awaited", file=sys.stderr, flush=True)
     yield from pictures(self, plots)
-drawing.Drawers.drawn = asked
+drawing.Drawers.drawn = awaited
 {PROGRAM}
 """
 HEADER = "q,v,p_A,p_B,x_v,u,dt\n"
@@ -102,11 +102,11 @@ def test_an_interrupt_of_the_drawing_keeps_what_there_is(command: str, cores: in
     given = [] if command == "design" else [points]
     process = started(command, EXAMPLES / "michaelis_menten.toml", *given, "-o", output, program=SLOW_PICTURES, CORES=str(cores))
     assert process.stderr is not None
-    # A design's pictures begin before its last numbers are there: it is at nothing else when they are asked for.
-    awaited = {"slow\n", "asked\n"}
+    # A design's pictures begin before its last numbers are there: it is at nothing else when it awaits them.
+    steps = {"slow\n", "awaited\n"}
     for line in process.stderr:
-        awaited.discard(line)
-        if not awaited:
+        steps.discard(line)
+        if not steps:
             break
     begun = time.perf_counter()
     while cores > 2 and command != "compare" and not list(output.glob("*.png")):
@@ -115,7 +115,7 @@ def test_an_interrupt_of_the_drawing_keeps_what_there_is(command: str, cores: in
     begun = time.perf_counter()
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
-    err = err.replace("slow\n", "").replace("asked\n", "")
+    err = err.replace("slow\n", "").replace("awaited\n", "")
     assert process.returncode == 130 and err.startswith(f"fisherpoint: interrupted; kept in {output}: ") and err.count("\n") == 1
     assert time.perf_counter() - begun < 30  # the pictures take minutes
     written = {path.name for path in output.iterdir()}

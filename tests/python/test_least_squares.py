@@ -138,14 +138,14 @@ def swing(z: Array, row: int) -> tuple[Array, Array]:
 
 def test_what_a_prior_has_is_not_led_off_by_the_models_curvature() -> None:
     starts, lowest = np.zeros(SWINGS.shape), minimise(together(swing)[0], SWINGS, *free(3)).cost
-    residuals, asked = together(swing)
+    residuals, trials = together(swing)
     minima = minimise(residuals, starts, *free(3), has_prior=np.ones(3, dtype=bool))
     assert (minima.end == CONVERGED).all()
     np.testing.assert_allclose(minima.cost, lowest, rtol=1e-6)
-    residuals, asked_without = together(swing)
+    residuals, trials_without = together(swing)
     without = minimise(residuals, starts, *free(3))
     assert (without.cost > 1e3 * lowest).any()  # or the test shows nothing
-    farthest, farthest_without = (max(np.abs(z).max() for _, z, _ in trials) for trials in (asked, asked_without))
+    farthest, farthest_without = (max(np.abs(z).max() for _, z, _ in some) for some in (trials, trials_without))
     assert farthest < 0.2 * farthest_without
 
 
@@ -176,10 +176,10 @@ def test_a_minimum_on_a_bound_is_found_though_a_trial_there_has_failed() -> None
         slope = 10.0**row
         return np.array([slope * (z[0] + 1), z[1] ** 3 - 0.125]), np.array([[slope, 0.0], [0.0, 3 * z[1] ** 2]])
 
-    residuals, asked = together(cubes, lambda z: bool(z[1] > 0.55))
+    residuals, trials = together(cubes, lambda z: bool(z[1] > 0.55))
     lower, upper = np.array([0.0, -np.inf]), np.full(2, np.inf)
     minima = minimise(residuals, np.tile([0.05, 0.1], (2, 1)), lower, upper)
-    assert any(z[0] == 0 and z[1] > 0.55 for _, z, _ in asked)  # or the test shows nothing
+    assert any(z[0] == 0 and z[1] > 0.55 for _, z, _ in trials)  # or the test shows nothing
     assert (minima.end == CONVERGED).all()
     np.testing.assert_allclose(minima.z, [[0.0, 0.5]] * 2, rtol=1e-7)
     assert (minima.z[:, 0] == 0).all()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..points.status import Status
 from ..prior.gaussian import GaussianPrior
 from ..prior.rules import Sobol
 from .known_noise import KnownNoise
-from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, UNSETTLED, Minima, minimise
+from .least_squares import CONVERGED, ENDS, NOT_EVALUABLE, UNSETTLED, Minima
 from .observed import Observed
 from .unknown_noise import correlations_can_be_estimated, likelihood_deviance, minimise_log_det
 from .unknowns import Unknowns
@@ -169,11 +169,8 @@ def _found(z: Array, residuals: WeightedResiduals, end: int, evaluations: int, r
 
 
 def _minimised(residuals: WeightedResiduals, z0: Array, max_evaluations: int) -> Minima:
-    unknowns = residuals.unknowns
-    bounds, layout = (unknowns.lower, unknowns.upper), residuals.layout
-    given: dict[str, Any] = {"accuracy": residuals.accuracy, "layout": layout, "has_prior": unknowns.has_prior}
-    minima = minimise(residuals.stored, z0, *bounds, max_evaluations, **given)
-    return minima._replace(end=unknowns.ended(minima))
+    minima = residuals.minimised(z0, max_evaluations)
+    return minima._replace(end=residuals.unknowns.ended(minima))
 
 
 def _best(minima: Minima, residuals: WeightedResiduals, z0: Array) -> tuple[int, int]:

@@ -7,14 +7,13 @@ of log det, tr(D^-1 dD), is zero.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
 from ..prior.gaussian import GaussianPrior
-from .least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, UNSETTLED, Minima, minimise
+from .least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, UNSETTLED, Minima
 from .observed import EPSILON, Observed
 from .weighting import WeightedResiduals
 
@@ -105,9 +104,7 @@ def minimise_log_det(
 
     def minimised(z: Array, y: Array, covariance: Array) -> Minima:
         weighted = replace(residuals, y=y, covariance=covariance[:, None])
-        bounds = unknowns.lower, unknowns.upper
-        given: dict[str, Any] = {"accuracy": weighted.accuracy, "layout": weighted.layout, "has_prior": unknowns.has_prior}
-        return minimise(weighted.stored, z, *bounds, max_evaluations, unit=0.0, **given)
+        return weighted.minimised(z, max_evaluations, unit=0.0)
 
     y = np.broadcast_to(residuals.y, (len(z0), *residuals.y.shape[1:]))
     covariance = covariance_at(z0, y) * np.eye(len(least))  # of a start alone, correlations mean nothing

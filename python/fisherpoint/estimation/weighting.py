@@ -18,7 +18,7 @@ from ..noise.common_error import CommonError
 from ..noise.sensors import Sensors
 from ..points.settings import Integration
 from ..points.status import Status
-from .least_squares import Accuracy
+from .least_squares import TOLERANCE, Accuracy, Minima, minimise
 from .observed import Observed
 from .response import Response
 from .sensor_noise import Readings, SensorNoise
@@ -267,6 +267,22 @@ class WeightedResiduals:
             r = np.concatenate([r, z @ self.prior_factor.T], axis=1)
             jacobian = np.concatenate([jacobian, np.broadcast_to(prior, (len(z), *prior.shape))], axis=1)
         return r, jacobian, response.status == 0
+
+    def minimised(self, z0: Array, max_evaluations: int, *, unit: float = 1.0, tolerance: float | Array = TOLERANCE) -> Minima:
+        """Minima from starts z0 (B, P) within the bounds; `unit` and `tolerance` as `least_squares.minimise` has them."""
+        unknowns = self.unknowns
+        return minimise(
+            self.stored,
+            z0,
+            unknowns.lower,
+            unknowns.upper,
+            max_evaluations,
+            unit=unit,
+            accuracy=self.accuracy,
+            tolerance=tolerance,
+            layout=self.layout,
+            has_prior=unknowns.has_prior,
+        )
 
     def slopes(self, values: Array) -> Array:
         """d values / dz at unknowns (B, P) of each column of a response, (B, 1 or N, 1, columns)."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basics.values import Array
-from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, Minima, minimise
+from ..estimation.least_squares import CONVERGED, LIMIT, NOT_EVALUABLE, Minima
 from ..estimation.search import SAME_MINIMUM, SETTLED_TO_COMPARE
 from ..estimation.unknown_noise import SETTLED, correlations_can_be_estimated, likelihood_deviance, minimise_log_det
 from ..estimation.weighting import WeightedResiduals
@@ -165,10 +165,7 @@ class Searches:
         residuals, unknowns = replace(self.residuals, y=self.residuals.y[rows]), self.residuals.unknowns
         n_y = residuals.y.shape[-1]
         if self.noise_known:
-            bounds, layout = (unknowns.lower, unknowns.upper), residuals.layout
-            solved = self.solved if tolerance is None else tolerance
-            given: dict[str, Any] = {"accuracy": residuals.accuracy, "layout": layout, "has_prior": unknowns.has_prior}
-            minima = minimise(residuals.stored, z0, *bounds, evaluations, tolerance=solved, **given)
+            minima = residuals.minimised(z0, evaluations, tolerance=self.solved if tolerance is None else tolerance)
             cost, noise = minima.cost, np.zeros((len(rows), n_y, n_y))
         else:
             full = correlations_can_be_estimated(residuals.measured, len(unknowns))
