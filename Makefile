@@ -1,5 +1,5 @@
 # make design   the main task: the paper's design for its cylinder, the recommended one, and how they compare, in run/
-# make test     all tests, C++ and Python
+# make test     the tests, C++ and Python; of those that take long, one in four
 # Both set up what a bare Debian with Python 3.11 lacks: system packages (as root; an ordinary user is told which) and a
 # virtual environment in .venv. `make design` compiles for this machine alone; what is for developers, for every level of
 # the instruction set.
@@ -12,7 +12,7 @@ PARALLEL := -n auto --dist loadfile
 PACKAGES := g++ cmake ninja-build make python3-dev python3-venv libeigen3-dev doctest-dev
 SOURCES := CMakeLists.txt pyproject.toml $(shell find cpp python -name '*.[ch]pp' -o -name '*.py' -o -name '*.pyi' -o -name '*.map')
 
-.PHONY: design test test-cpp test-python test-levels bench cost sanitize race lint format stubs docs docs-pages clean
+.PHONY: design test test-long test-cpp test-python test-levels bench cost sanitize race lint format stubs docs docs-pages clean
 .DELETE_ON_ERROR:
 
 design: $(VENV)/.installed
@@ -20,9 +20,14 @@ design: $(VENV)/.installed
 	$(BIN)/fisherpoint design examples/cylinder.toml -o run/recommended --force
 	$(BIN)/fisherpoint compare examples/cylinder.toml run/paper/design.csv run/recommended/design.csv -o run/compared --force
 
+test: export FISHERPOINT_LONG_TESTS = 0/4
 test: test-cpp test-python test-levels
 
-test-cpp: $(VENV)/.system
+test-long: $(VENV)/.developer
+	$(BIN)/python -m pytest $(PARALLEL) -m long
+
+# What packs and kernels compute, optimised, on every level; and with the methods on small models under the sanitizers.
+test-cpp: $(VENV)/.system sanitize
 	cmake --preset release
 	cmake --build --preset release
 	ctest --preset release
@@ -103,7 +108,7 @@ $(VENV)/.installed: $(VENV)/.system $(SOURCES)
 $(VENV)/.developer: $(VENV)/.system $(SOURCES)
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1'  # the first that knows groups
-	FISHERPOINT_ISAS=all $(BIN)/python -m pip install --quiet '.[all]' --group dev
+	FISHERPOINT_ISAS=supported $(BIN)/python -m pip install --quiet '.[all]' --group dev
 	@touch $(VENV)/.installed $@
 
 clean:

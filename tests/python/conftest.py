@@ -31,11 +31,19 @@ REGION = {
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With FISHERPOINT_TEST_SHARE = k/n keep one test in n: those whose name's checksum leaves k."""
+    """Keep one test in n, those whose name's checksum leaves k, with FISHERPOINT_TEST_SHARE = k/n.
+
+    FISHERPOINT_LONG_TESTS = k/n does so to tests that are marked as long.
+    """
     k, n = map(int, os.environ.get("FISHERPOINT_TEST_SHARE", "0/1").split("/"))
-    left_out = [item for item in items if crc32(item.nodeid.encode()) % n != k]
+    long_k, long_n = map(int, os.environ.get("FISHERPOINT_LONG_TESTS", "0/1").split("/"))
+    kept, left_out = [], []
+    for item in items:
+        name = crc32(item.nodeid.encode())
+        is_wanted = item.get_closest_marker("long") is None or name % long_n == long_k
+        (kept if is_wanted and name // long_n % n == k else left_out).append(item)
     config.hook.pytest_deselected(items=left_out)
-    items[:] = [item for item in items if item not in set(left_out)]
+    items[:] = kept
 
 
 @pytest.fixture(scope="session")

@@ -72,6 +72,7 @@ def test_the_exponential_decay_is_measured_at_once_and_after_a_time_constant() -
     assert design.value == pytest.approx(-3.386294, abs=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("of", "support", "weights", "variance"),
     [

@@ -159,6 +159,7 @@ PROBLEM = fp.load_problem(Path(__file__).parents[2] / "examples" / "michaelis_me
 GRID = fp.Experiments(np.zeros((56, 0)), np.linspace(0.02, 1.1, 56)[:, None])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_exact_design_is_better_and_the_proofs_agree(kind: str) -> None:
     """The bound of an exact design comes from another algorithm, the multiplicative one."""

@@ -170,6 +170,7 @@ def test_what_is_uncertain_makes_no_point_better() -> None:
     assert all(uncertain.standard_errors[name] > exact.standard_errors[name] for name in NAMES)
 
 
+@pytest.mark.long
 def test_a_design_that_knows_what_is_uncertain_hangs_on_it_less() -> None:
     """What docs/how_to/assumptions.md states of T_1, with a shorter search."""
     exact, stated = (problem(varies=of, rule=fp.SparseGaussHermite(2)) for of in (None, {"T_1": 2.2e-4}))

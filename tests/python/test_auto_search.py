@@ -205,6 +205,7 @@ def test_the_best_never_gets_worse_and_is_what_it_says(kind: str) -> None:
     assert design.drawn == design.accepted + sum(design.rejected.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["noise", "region"])
 def test_it_finds_more_than_the_method_of_the_paper(kind: str) -> None:
     """As the defaults are, where its iterations are more work; here they have fewer candidates."""
@@ -244,6 +245,7 @@ def test_points_obey_constraints_and_survive_on_all_nodes(jumps: str) -> None:
     assert design.rejected["constraint"] > 0
 
 
+@pytest.mark.long
 def test_candidates_that_plants_cannot_run_are_sampled_earlier(monkeypatch: pytest.MonkeyPatch) -> None:
     """The best points start at edges of the region and lie where some plants just can run them; few of what is drawn does."""
     given = fp.load_problem(EXAMPLES / "cylinder.toml").replace(jumps="exclude")

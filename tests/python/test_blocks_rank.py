@@ -88,6 +88,7 @@ def sensitivities(model: fp.SymbolicModel, seed: int) -> Any:
     return rows.reshape(-1, len(NAMES)) if len(rows) >= 50 else None
 
 
+@pytest.mark.long
 def test_what_outputs_leave_open_is_open_within_blocks() -> None:
     """The rank of the sensitivities is the sum of those of the blocks, also where parameters cannot be identified."""
     open_ones = parted = 0

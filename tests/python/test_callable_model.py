@@ -207,6 +207,7 @@ def test_nodes_that_leave_the_domain_are_lost(quiet: None, equations: fp.Symboli
         assert expected.status[0] == fp.Status.left_domain and expected.status[2] == fp.Status.ok
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["noise", "region"])
 def test_the_exchange_finds_the_same_design(quiet: None, equations: fp.SymbolicModel, kind: str) -> None:
     def design(model: fp.Model) -> fp.Design:

@@ -74,6 +74,7 @@ def files(directory: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in directory.iterdir() if path.suffix != ".part"}
 
 
+@pytest.mark.long
 def test_a_campaign_that_is_killed_at_random_moments_has_the_same_result(
     worker: Worker, undisturbed: dict[str, bytes], tmp_path: Path
 ) -> None:
@@ -97,6 +98,7 @@ def test_a_campaign_that_is_killed_at_random_moments_has_the_same_result(
     assert len(stages) >= 2, "kills at different stages"
 
 
+@pytest.mark.long
 def test_a_campaign_that_is_killed_around_any_write_has_the_same_result(
     worker: Worker, undisturbed: dict[str, bytes], tmp_path: Path
 ) -> None:

@@ -416,6 +416,7 @@ def test_local_parameters_by_brute_force(seed: int) -> None:
 # --- the campaign ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", SEEDS)
 def test_random_models(number: int) -> None:
     done = run_round(number, CASES, {}, time.monotonic() + 300)

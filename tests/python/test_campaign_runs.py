@@ -83,6 +83,7 @@ def test_a_batch_is_designed_at_the_estimate_with_what_is_known() -> None:
     assert runs != fp.design_runs(level(), 2, previous=campaign.data, **given).runs
 
 
+@pytest.mark.long
 def test_runs_start_at_rest_in_campaigns_too(tmp_path: Path) -> None:
     rest = fp.Rest({"u": 0.5})
     campaign = run(fp.Campaign(level(rest=rest), directory=tmp_path, **QUICK), 2)
@@ -270,6 +271,7 @@ def test_a_run_of_which_some_samples_are_known_counts_but_is_told_of(told: fp.Ca
 # --- Directories ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("batch", [1, 2])
 def test_a_loaded_campaign_goes_on_to_the_same_bits(batch: int, tmp_path: Path) -> None:
     given: dict[str, Any] = {"targets": 0.01, "seed": 5, **QUICK}

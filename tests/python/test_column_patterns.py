@@ -43,6 +43,7 @@ class Linear:
         return np.array(columns).T
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sizes", [[1], [2], [1, 1], [3, 1], [1, 2, 3], [2, 4], [5], [7, 1, 1]])
 @pytest.mark.parametrize("method", ["RK45", "DOP853"])
 def test_columns_of_every_pattern_are_those_of_the_matrix_exponential(sizes: list[int], method: str) -> None:

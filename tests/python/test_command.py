@@ -93,6 +93,7 @@ def test_an_interrupt_at_any_time_is_one_line(delay: float, tmp_path: Path) -> N
         assert err in ("fisherpoint: interrupted\n", "fisherpoint: interrupted before a design was found; nothing was saved\n")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cores", [2, 3])
 @pytest.mark.parametrize("command", ["design", "evaluate", "estimate", "compare"])
 def test_an_interrupt_of_the_drawing_keeps_what_there_is(command: str, cores: int, tmp_path: Path) -> None:
@@ -198,6 +199,7 @@ def test_an_instruction_set_that_the_machine_lacks_is_one_line() -> None:
         assert done.stderr == f"fisherpoint: FISHERPOINT_ISA: expected one of {available}, given {level!r}, {why}\n"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("package", ["numpy", "scipy.special", "fisherpoint.engine._core", "typer", "rich", "pydantic"])
 def test_an_installation_that_is_not_whole_is_one_line(package: str, points: Path, tmp_path: Path) -> None:
     arguments = ["design", EXAMPLES / "paper.toml", "-o", tmp_path / "run", "--no-plots"]

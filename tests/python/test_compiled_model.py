@@ -56,6 +56,7 @@ def points():
     return fp.Experiments(x0, rng.uniform(-1, 3, (k, 1)), rng.uniform(0.05, 2, k))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("jumps", ["cross", "exclude"])
 def test_trajectories_sensitivities_and_statuses_are_the_interpreted_ones(compiled, points, jumps):
     one, other = (fp.sensitivities(model, points, THETA, jumps=jumps) for model in (slider, compiled))
@@ -180,6 +181,7 @@ def test_the_builtin_cylinder_is_compiled_already():
     assert model.compile() is model
 
 
+@pytest.mark.long
 def test_a_static_model_is_compiled_too():
     growth = fp.SymbolicModel([], ["k*(exp(n*u) - 1)"], {}, {"u": "V"}, {"k": "A", "n": "1/V"}, {"y": "A"})
     model, points = growth.compile(), fp.Experiments(np.empty((3, 0)), [[1.0], [2.0], [800.0]])
@@ -189,6 +191,7 @@ def test_a_static_model_is_compiled_too():
     np.testing.assert_allclose(other.dy_dtheta, one.dy_dtheta, rtol=1e-14)
 
 
+@pytest.mark.long
 def test_branches_over_a_prior_are_the_interpreted_ones():
     growth = fp.SymbolicModel(["heaviside(p - 1)*u"], ["x", "sign(x - 0.5)"], {"x": "1"}, {"u": "1"}, {"p": "1"})
     model, points = growth.compile(), fp.Experiments([[0.0]], [[1.0]], [1.0])
@@ -199,6 +202,7 @@ def test_branches_over_a_prior_are_the_interpreted_ones():
     assert np.diag(one).min() > 0.1
 
 
+@pytest.mark.long
 def test_time_in_equations_is_that_of_the_interpreted_model():
     model = fp.SymbolicModel(["where(t < b, r, 0)*u - k*c"], ["c + t"], {"c": "1"}, {"u": "1"}, {"r": "1/s", "k": "1/s", "b": "s"})
     compiled = model.compile()
@@ -209,6 +213,7 @@ def test_time_in_equations_is_that_of_the_interpreted_model():
     np.testing.assert_allclose(other.dy_dtheta, one.dy_dtheta, rtol=1e-12)
 
 
+@pytest.mark.long
 def test_a_dead_time_is_the_interpreted_one(cache):
     model = fp.SymbolicModel(
         ["k*delay(u, tau) - c*sign(x)"], ["x"], {"x": "m"}, {"u": "m/s"}, {"k": "1", "c": "m/s", "tau": "s"}, {"x": "m"}

@@ -30,6 +30,7 @@ def share(problem: fp.DesignProblem, design: fp.Design) -> float:
     return fp.feasibility(problem, design.points, draws=10_000, seed=77).share
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("asked", "seed"), [(0.99, 0), (0.99, 1), (0.9, 2)])
 def test_what_grows_stays_below_its_limit_on_as_many_plants_as_asked(asked: float, seed: int) -> None:
     free = fp.exchange(GROWTH, 6, n_candidates=20, method=fp.ExchangeMethod(references=False), seed=seed)
@@ -41,6 +42,7 @@ def test_what_grows_stays_below_its_limit_on_as_many_plants_as_asked(asked: floa
     assert kept.evaluation.log_det < free.evaluation.log_det
 
 
+@pytest.mark.long
 def test_a_smaller_share_costs_less() -> None:
     """And no more plants are left in reserve than the share asks for."""
     designs = [
@@ -52,6 +54,7 @@ def test_a_smaller_share_costs_less() -> None:
     assert share(GROWTH, designs[0]) < 0.95 and share(GROWTH, designs[1]) < 0.98
 
 
+@pytest.mark.long
 def test_the_cylinder_can_be_asked_for_a_share() -> None:
     free, kept = (
         fp.exchange(CYLINDER, 12, n_candidates=20, method=fp.ExchangeMethod(references=False), goal=fp.Goal(confidence=asked))
@@ -62,6 +65,7 @@ def test_the_cylinder_can_be_asked_for_a_share() -> None:
     assert "required" in str(kept) and "required" not in str(free)
 
 
+@pytest.mark.long
 def test_uncertain_constants_are_of_the_plants() -> None:
     region = fp.ExperimentRegion({"x": (0.1, 1.0), "u": (0.9, 1.0), "dt": (0.1, 3.0)})
     problem = GROWTH.replace(parameters=["p"], uncertain={"c": 0.4}, region=region)

@@ -101,6 +101,7 @@ def servo() -> System:
     return System(f, h, np.ones(2), 2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("clamp", CLAMPED)
 def test_an_integrator_that_stops_at_the_limit(clamp: str) -> None:
     model, rng, count = controlled(clamp), np.random.default_rng(1), COUNT

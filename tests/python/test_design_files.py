@@ -76,6 +76,7 @@ def test_a_design_comes_back_whole(which: str, tmp_path: Path) -> None:
     assert same_bits(fp.Experiments.from_csv(tmp_path / "deep" / "run" / "design.csv", MODEL).table, original.points.table)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", [name for name in CASES if name != "settings"])
 def test_a_saved_run_repeats_to_the_last_bit(which: str, tmp_path: Path) -> None:
     changes, settings = CASES[which]

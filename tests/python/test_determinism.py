@@ -79,6 +79,7 @@ def test_threads_do_not_change_predictive_covariances(rule: fp.TensorGrid) -> No
     assert (results[0].status == 0).any() and (results[0].status != 0).any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_threads_do_not_change_a_design(kind: str) -> None:
     designs = [

@@ -65,6 +65,7 @@ def test_the_best_designs_of_a_quadratic_are_found_and_proven() -> None:
         np.testing.assert_array_equal(np.repeat(GRID[design.chosen], design.counts, axis=0), design.points.u)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", range(6, 15))
 def test_the_gap_of_a_quadratic_in_two_factors_is_closed(n: int) -> None:
     design = fp.exact_design(QUADRATIC, inputs(GRID), n, gap=1e-8)
@@ -74,6 +75,7 @@ def test_the_gap_of_a_quadratic_in_two_factors_is_closed(n: int) -> None:
     assert on_grid.log_det <= single.evaluation.log_det + 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("n", "nodes"), [(10, 3000), (11, 500), (12, 500), (14, 200)])
 def test_the_gap_of_a_quadratic_in_three_factors_is_closed(n: int, nodes: int) -> None:
     names = {f"p{k}": 1.0 for k in range(10)}
@@ -83,6 +85,7 @@ def test_the_gap_of_a_quadratic_in_three_factors_is_closed(n: int, nodes: int) -
     assert design.proven and design.nodes <= nodes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", GOALS)
 @pytest.mark.parametrize("n", [6, 7])
 def test_designs_by_every_criterion_are_the_best_of_all(name: str, n: int) -> None:
@@ -142,6 +145,7 @@ def test_no_bound_is_below_the_best_of_all_designs(seed: int, count: int, n: int
             assert best - 1e-6 <= search.value <= best + 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["D", "A", "E"])
 def test_a_bound_is_far_from_a_design_that_is_not_optimal(name: str) -> None:
     """Where the search is stopped at once, what is proven of a bad design is bad."""
@@ -173,6 +177,7 @@ def test_symmetries_are_those_of_the_cube_and_random_rows_have_none() -> None:
     assert len(symmetries(np.random.default_rng(0).standard_normal((8, 3)), Determinant("D", np.eye(3), True))) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [50, 500, 2000])
 @pytest.mark.parametrize("n", [4, 5])
 def test_neighbours_on_a_fine_grid_do_not_hold_up_the_proof(count: int, n: int) -> None:

@@ -32,6 +32,7 @@ def of_quadratic(name: str) -> fp.Goal:
     return goals.get(name) or fp.Goal(name)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "count"), [("A", 6), ("A", 7), ("A", 8), ("A", 9), *((name, 7) for name in ("Ds", "c", "I", "E", "ME"))]
 )

@@ -131,6 +131,7 @@ def test_a_record_with_a_clock(place: float, noise: dict[str, float] | None) -> 
     assert abs(fit.estimate["t0"] - place - 2.5) < 4 * fit.standard_errors["t0"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_a_tolerance_that_is_coarser_than_the_noise_is_told(seed: int) -> None:
     """Residuals of a hundred times the noise are no minimum because the trajectories' tolerance is as large."""

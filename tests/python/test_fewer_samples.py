@@ -64,6 +64,7 @@ def test_a_design_is_worth_what_all_its_samples_are() -> None:
     assert max(design.ends) == pytest.approx(design.log_det, abs=0.05)
 
 
+@pytest.mark.long
 def test_a_search_within_limits_ends_no_lower_than_the_best_of_its_pool_that_plants_can_run() -> None:
     """Plants of little friction slide where others stick, which no distance to first order shows."""
     region = fp.RunRegion({"q": 0.0, "w": 0.0, "u": (-1, 1), "dt": 0.1}, 8)

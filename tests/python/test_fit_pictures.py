@@ -26,6 +26,7 @@ def test_an_ellipse_has_the_roots_of_the_eigenvalues_as_half_axes() -> None:
     assert small / [1e-9, 1e9] == pytest.approx(ellipse(covariance, 5.99))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("known", [True, False])
 def test_every_picture_is_drawn(known: bool) -> None:
     from fisherpoint.show.style import encoded

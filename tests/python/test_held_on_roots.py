@@ -124,6 +124,7 @@ def test_a_pump_that_reverses(seed: int, size: float) -> None:
 FOLLOWING = model_of(["1", "k*sign(a*sin(w*t) - p)*sqrt(abs(a*sin(w*t) - p))"], "t p", "a w k")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [1.0, 0.1, 0.01, 0.001])
 @pytest.mark.parametrize("seed", range(20))
 def test_a_pressure_that_follows_another(seed: int, size: float) -> None:
@@ -138,6 +139,7 @@ def test_a_pressure_that_follows_another(seed: int, size: float) -> None:
     compare(FOLLOWING, [0.0, p], theta, t, right)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("exponent", [0.5, 0.3])
 @pytest.mark.parametrize("size", [1.0, 0.1, 0.01])
 @pytest.mark.parametrize("seed", range(20))

@@ -70,6 +70,7 @@ def drawn(count: int, seed: int = 1) -> tuple[Any, Any, Any]:
     return draws[:, :30], draws[:, 30:36], draws[:, 36]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("friction", ["coulomb", "tanh"])
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("names", [True, False])
@@ -113,6 +114,7 @@ def test_it_prints_on_a_page_with_its_names(variant: int) -> None:
     assert lines[-1] == "all of it: print(model.to_toml())"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("names", [True, False])
 def test_it_is_the_same_when_saved_and_loaded_copied_and_pickled(names: bool, tmp_path: Path) -> None:
     given = model(9, "coulomb", names)

@@ -39,6 +39,7 @@ def largest_columns(name: str, points: fp.Experiments, p: np.ndarray) -> np.ndar
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 def test_states_and_sensitivities_are_those_of_scipy(name: str) -> None:
     case, (points, p) = case_of(name), drawn(name, COUNT)

@@ -82,6 +82,7 @@ def differences(chain: Chain, x0: Array, u: Array, times: Array) -> Array | None
     return fisher
 
 
+@pytest.mark.long
 def test_what_a_search_finds_is_worth_what_differences_say(chain: Chain, design: fp.Design) -> None:
     """The Fisher matrix under the noise is that of differences of outputs by the other integration."""
     rng, rows, compared = np.random.default_rng(0), list(design.points), 0
@@ -96,6 +97,7 @@ def test_what_a_search_finds_is_worth_what_differences_say(chain: Chain, design:
     assert compared
 
 
+@pytest.mark.long
 def test_covariances_over_the_nodes_are_their_sums(chain: Chain, design: fp.Design) -> None:
     prior, rule = chain.problem.prior, fp.Unscented()
     done = fp.predictive_covariance(chain.model, design.points, prior, rule, rtol=1e-9)
@@ -113,6 +115,7 @@ def test_covariances_over_the_nodes_are_their_sums(chain: Chain, design: fp.Desi
     assert compared
 
 
+@pytest.mark.long
 def test_data_give_the_parameters_back(chain: Chain, design: fp.Design) -> None:
     noise = {output.name: NOISE for output in chain.model.outputs}
     data = fp.VirtualRig(chain.model, chain.theta, noise, seed=3).measure(design.points, repeats=3)
@@ -125,6 +128,7 @@ def test_data_give_the_parameters_back(chain: Chain, design: fp.Design) -> None:
     assert found.per_run is not None and np.isfinite(found.per_run.estimate).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["orifice", "dead zone", "relay", "bouncing mass", "frictions", "clamped integrator"])
 def test_runs_are_searched_and_worth_what_differences_say(name: str) -> None:
     chain = Chain(name)
@@ -137,6 +141,7 @@ def test_runs_are_searched_and_worth_what_differences_say(name: str) -> None:
     assert fisher is None or same(found.evaluation.information, fisher, chain.std), (found.evaluation.information, fisher)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [name for name in KINDS if name not in LEFT_OUT] + ["cylinder"])
 def test_random_points_are_right(name: str) -> None:
     row = row_of(name, 4 if name != "cylinder" else 2, seed=1)

@@ -102,6 +102,7 @@ ONE_FACTOR: dict[str, tuple[Any, dict[str, float], Bounds, int]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("copies", [1, 3])
 @pytest.mark.parametrize("name", ONE_FACTOR)
 def test_designs_in_one_variable(name: str, copies: int) -> None:

@@ -136,6 +136,7 @@ def test_a_joint_that_sticks_shows_no_slope() -> None:
     assert (np.abs(done.dy_dtheta[0, 7:, :, 4]) < 1e-8).all() and (np.abs(done.dy_dtheta[0, 1:3, 1, 4]) > 5).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_random_models_with_jumps_and_kinks(seed: int) -> None:
     figures = Figures()
@@ -215,6 +216,7 @@ def test_tangents_from_the_middle_of_a_run_are_those_of_the_whole(alone: bool) -
     assert (found.dy[0, :6] == base.dy[0, :6]).all() and not (found.dy[0, 6:] == base.dy[0, 6:]).all()
 
 
+@pytest.mark.long
 def test_a_rig_shows_its_outputs_late_and_a_design_finds_the_delay() -> None:
     of = problem(joint())
     design = fp.design_runs(of, n_starts=1, n_candidates=30, seed=0)

@@ -91,6 +91,7 @@ def test_designs_of_runs(options: dict[str, Any]) -> None:
     same(*evaluated)
 
 
+@pytest.mark.long
 def test_weights_exact_designs_and_sweeps() -> None:
     first, second = both(REGION)
     one, other = (fp.approximate_design(problem, threads=1) for problem in (first, second))

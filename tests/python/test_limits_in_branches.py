@@ -106,6 +106,7 @@ def test_divisor_of_another_sign_in_the_other_branch() -> None:
     np.testing.assert_allclose([done.y[0, 0], done.dy_dtheta[0, 0, 0]], [-1.0, 3.0], atol=1e-6)
 
 
+@pytest.mark.long
 def test_compiled_model_has_the_same_limits() -> None:
     model = clocked(BRANCHES["nested"], "a")
     points = fp.Experiments([[0.0, 0.0, 0.0]] * 2, [[1.9], [5.0]], [2.5, 2.0])

@@ -34,6 +34,7 @@ def run(campaign: fp.Campaign, loads: list[Any], **labels: list[str]) -> fp.Camp
     return campaign
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("by", "loads", "groups"),
     [
@@ -69,6 +70,7 @@ def test_each_batch_is_a_new_day_of_one_plant(by: str | fp.Local, loads: list[An
         assert loaded.next() == run(fp.Campaign(problem(by), **QUICK), loads).next()
 
 
+@pytest.mark.long
 def test_labels_say_otherwise(tmp_path: Path) -> None:
     campaign = fp.Campaign(problem("day"), directory=tmp_path / "c", **QUICK)
     run(campaign, [2.0, 2.0, 3.0], day=["Monday", "Monday", "Tuesday"])
@@ -105,6 +107,7 @@ def test_the_next_batch_is_for_the_plant_of_the_last() -> None:
     assert found is not None and list(found.values()) == pytest.approx(errors, rel=1e-3)
 
 
+@pytest.mark.long
 def test_plants_are_named_in_all_batches_or_in_none() -> None:
     campaign = run(fp.Campaign(problem("plant"), **QUICK), [2.0])
     with pytest.raises(ValueError, match="data: expected no labels 'plant' as in batch 1, given 'A'"):
@@ -118,6 +121,7 @@ def test_plants_are_named_in_all_batches_or_in_none() -> None:
         fp.Campaign(problem("record"))
 
 
+@pytest.mark.long
 def test_a_spread_is_estimated_once_there_are_two_values() -> None:
     campaign = run(fp.Campaign(problem(fp.Local("day", spread="estimated")), **QUICK), [2.0])
     assert campaign.fit is not None and not campaign.fit.spread

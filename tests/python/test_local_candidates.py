@@ -88,6 +88,7 @@ def test_an_ancestor_comes_from_where_it_came_from_last() -> None:
     np.testing.assert_array_equal(lineage.steps(c[None])[0, :3], [c - b, c - d, np.zeros(4)])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_moving_points_raises_phi(kind: str) -> None:
     """By more than twice as many random candidates do, in the mean over some searches."""

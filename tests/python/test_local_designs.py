@@ -168,6 +168,7 @@ def tanks() -> fp.DesignProblem:
     return fp.DesignProblem(tanks, prior, region, noise={"y": 0.005}, local={"k4": "plant"})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(10))
 def test_a_fleet_of_five_tanks_is_regular(seed: int) -> None:
     """Two points say nothing alone of four unknowns; those of five tanks determine the three that are shared."""

@@ -210,6 +210,7 @@ n_candidates = 5
 """
 
 
+@pytest.mark.long
 def test_design_of_a_fleet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = FILE.replace("n_starts = 1\n", "")
     file = tmp_path / "fleet.toml"

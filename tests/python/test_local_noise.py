@@ -73,6 +73,7 @@ def found(data: fp.Measurements, noise: Any = "estimated") -> fp.Fit:
         return fp.estimate(LINE, data, start={"a": 1.0, "off": 0.0}, noise=noise, deviations=fp.Deviations(local={"off": "run"}))
 
 
+@pytest.mark.long
 def test_sizes_have_no_bias_from_the_values_that_were_fitted() -> None:
     """Of three samples each, a third of the squares goes into the offsets of the runs."""
     variances = [found(line_data(seed, 0.1, 40, 3)).noise_estimate["y"].values["std"] ** 2 for seed in range(12)]
@@ -89,6 +90,7 @@ def test_white_noise_is_that_of_the_fit_that_estimates_it() -> None:
         assert looked_for.standard_errors[name] == pytest.approx(white.standard_errors[name], rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_memory_is_found_and_intervals_hold(tmp_path: Path) -> None:
     noise = fp.Noise(0.05, colored=fp.GaussMarkov(0.2, 2.0))
     inside, forms = [], []

@@ -45,6 +45,7 @@ print((pages(1) - before) / 1e6)
     assert float(done.stdout) < 60
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="limits the address space as Linux does")
 @pytest.mark.parametrize("kind", ["sensitivities", "predictive_covariance"])
 def test_too_little_memory_is_a_memory_error(kind: str) -> None:

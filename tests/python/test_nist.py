@@ -93,6 +93,7 @@ def offset(fit: fp.Fit) -> float:
     return float(np.linalg.norm(along) / np.linalg.norm(residuals))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(PROBLEMS))
 def test_what_converges_from_anywhere_has_no_gradient(name: str) -> None:
     """From each of NIST's starts, with every unknown off by a factor of e, up or down: one standard deviation."""

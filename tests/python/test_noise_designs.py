@@ -147,6 +147,7 @@ def test_f_has_the_mean_over_steps_and_what_limits_leave(limits: Any) -> None:
     np.testing.assert_allclose(fp.evaluate(given, at).information, f, rtol=0.01 if any(limits) else 1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", OTHERS.values(), ids=OTHERS.keys())
 def test_standard_errors_of_rounded_and_limited_sensors_are_means_over_the_prior(noise: Any) -> None:
     """By 20,000 independent draws of the parameters, beside the prior what the mean information does not say."""
@@ -206,6 +207,7 @@ def test_previous_data_without_some_numbers_count_in_order() -> None:
     assert of_data == pytest.approx(of_runs_, rel=1e-10)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", (KINDS | OTHERS).values(), ids=(KINDS | OTHERS).keys())
 def test_searches_run_with_noise_of_every_kind(noise: Any) -> None:
     found = fp.exchange(problem(noise=noise), 4, n_candidates=20, max_iterations=3)

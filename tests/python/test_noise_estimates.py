@@ -126,6 +126,7 @@ def test_scores_have_mean_zero_and_variance_one(name: str) -> None:
         assert (s**4).mean() == pytest.approx(fourth, rel=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", READINGS)
 def test_estimate_is_the_most_likely_one(name: str) -> None:
     noise = READINGS[name]

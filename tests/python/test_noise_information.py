@@ -259,6 +259,7 @@ def test_information_over_where_outputs_lie(noise: Noise, y: float) -> None:
         assert float(sensors.precision(np.array([[y]]), np.full((1, 1), 1e3))[0, 0]) == pytest.approx(mean, rel=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("q", [0.01, 1.0, 2.0, 5.0, 30.0, 200.0])
 @pytest.mark.parametrize("spread", [0.0, 0.05, 0.3, 1.0, 20.0])
 def test_the_mean_over_steps_is_that_of_many_places(q: float, spread: float) -> None:

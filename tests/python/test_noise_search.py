@@ -75,6 +75,7 @@ def test_restricted_likelihood_is_that_of_a_whole_covariance(name: str, lengths:
     assert all(likelihood.deviance(best.scaled(factor)) > least for factor in (0.99, 1.01))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NOISES)
 def test_form_and_numbers_are_found(name: str) -> None:
     """Of five data of 800 samples each, most have the true form, and its numbers are within what their uncertainty allows."""
@@ -189,6 +190,7 @@ def test_white_noise_gives_the_fit_of_white_noise() -> None:
     assert found.intervals() == plain.intervals()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["record", "runs"])
 def test_intervals_hold(kind: str) -> None:
     """95 % intervals of 25 fits to 50 correlation times: one in 1000 such tests would have less than 42 of 50 that hold."""

@@ -213,6 +213,7 @@ def test_weights_of_matrices_of_very_different_sizes_are_found(criterion: Any) -
         assert optimal_weights(CandidateRows(rows), criterion, tolerance=1e-6, seed=seed).efficiency > 1 - 2e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["A", "c"])
 def test_steps_that_are_small_but_go_on_are_no_standstill(name: str) -> None:
     """On a few of such sets the gap falls by less than a tenth in each step."""

@@ -95,6 +95,7 @@ def test_runs_keep_what_is_measured_through_all_that_is_done_with_them() -> None
 # --- Information ---
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["plain", "late", "updates"])
 @pytest.mark.parametrize("noise", NOISE.values(), ids=NOISE)
 @pytest.mark.parametrize("every", CLOCKS.values(), ids=CLOCKS)
@@ -216,6 +217,7 @@ def test_a_search_by_fewer_readings_sees_nearly_the_same_information(every: Any)
     assert logs[0] == pytest.approx(logs[1], abs=0.02) and logs[0] != logs[1]
 
 
+@pytest.mark.long
 def test_a_design_reads_each_output_on_its_clock(tmp_path: Path) -> None:
     """Free durations and a limit: what is carried out, what the design promises, its files and its virtual experiments agree."""
     own = model()
@@ -276,6 +278,7 @@ def test_estimates_are_those_of_least_squares_over_what_was_measured(kind: str, 
     assert np.allclose(relative, errors, rtol=1e-3)
 
 
+@pytest.mark.long
 def test_residuals_of_each_output_are_judged_along_its_own_samples() -> None:
     """Lags count the readings of an output: a memory of the slow one over its own steps is found, and the fast one is white."""
     own = model()

@@ -242,6 +242,7 @@ def test_one_scenario_at_the_mean_is_the_search_without(kind: str) -> None:
     assert one.scenarios.log_dets == pytest.approx([plain.evaluation.log_det], abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_is_better_over_the_scenarios_than_the_design_for_the_mean(kind: str) -> None:
     over = fp.OverPrior(kind, scenarios=fp.Sobol(4))

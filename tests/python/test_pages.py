@@ -46,6 +46,7 @@ def beside_examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", PAGES, ids=name_of)
 def test_the_blocks_of_a_page_run(path: Path, beside_examples: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {"__name__": "page", "example": example}
@@ -198,6 +199,7 @@ def quoted_warnings() -> list[str]:
     return [part.strip(" ,.:;") for quote in quotes for part in quote.split("…") if part.strip(" ,.:;")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", quoted_warnings() if DOCS.exists() else [])
 def test_a_warning_that_is_explained_exists(part: str) -> None:
     assert any(part in text for source in SOURCES for text in fixed_texts(source))

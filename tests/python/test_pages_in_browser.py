@@ -52,6 +52,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, int], Any]
     return told
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("kind", PICTURES)
 def test_a_page_is_whole_and_nothing_is_wider_than_it(kind: str, width: int, told: dict[tuple[str, int], Any]) -> None:

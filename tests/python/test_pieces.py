@@ -267,6 +267,7 @@ def pushed(seed: int) -> tuple[fp.DesignProblem, fp.Record]:
     return problem, fp.Record(t, u, y + [0.01, 0.02] * rng.standard_normal(y.shape))
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:residuals. expected white noise")  # one of 48 probabilities is below 0.001
 def test_estimates_keep_the_promise_and_are_better_than_from_windows_evenly_spread() -> None:
     off: dict[str, list[Floats]] = {"picked": [], "spread": []}

@@ -100,6 +100,7 @@ def test_it_is_only_for_the_sensor_noise() -> None:
 # --- searches -----------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("count", "name"), [(3, "D"), (5, "D"), (3, "A"), (7, "D"), (4, "E")])
 def test_designs_are_the_best_of_all(count: int, name: str) -> None:
     """Of all multisets of nine settings, also with fewer points than parameters, and nothing better is possible there."""

@@ -97,6 +97,7 @@ def test_true_shows_a_bar_of_80_columns(name: str, monkeypatch: pytest.MonkeyPat
     assert lines and max(map(len, lines)) <= 80 and "0:00:0" in lines[-1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", WORKS)
 def test_nothing_is_shown_otherwise(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     work, _ = WORKS[name]
@@ -174,6 +175,7 @@ class Broken(StringIO):
         raise BrokenPipeError
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", WORKS)
 @pytest.mark.parametrize("where", ["start", "update", "stop", "stream", "no console"])
 def test_a_bar_that_fails_ends_no_work(name: str, where: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,6 +42,7 @@ def test_published_designs_of_the_yeast_have_the_published_values(published: flo
     assert log_dets(case.problem, runs_of(PUBLISHED[published]), plants).mean() == pytest.approx(published, abs=1e-5)
 
 
+@pytest.mark.long
 def test_a_short_search_for_the_yeast_beats_both() -> None:
     """Over eight of the plants, by their mean."""
     case = yeast()

@@ -33,6 +33,7 @@ def test_the_positioning_axis_comes_out_as_published() -> None:
     assert axis.relative_error(fit, other) <= axis.PUBLISHED_ERROR
 
 
+@pytest.mark.long
 def test_the_tanks_are_simulated_as_well_as_published() -> None:
     tanks = example("cascaded_tanks_data")
     limits = [(0.61, 0.68), (0.38, 0.52), (0.25, 0.32)]
@@ -45,6 +46,7 @@ def test_the_tanks_are_simulated_as_well_as_published() -> None:
     assert [len(fit.null_directions) + len(fit.weak_directions) for fit, *_ in found] == [1, 0, 0]
 
 
+@pytest.mark.long
 def test_the_positioning_axis_has_no_dead_time() -> None:
     """The controller is as it is programmed: a late force meets voltages worse, and an estimated dead time ends at 0."""
     axis = example("positioning_axis_record")

@@ -43,6 +43,7 @@ def prior_around(prior: fp.GaussianPrior, signs: np.ndarray) -> fp.GaussianPrior
     return fp.GaussianPrior(mean, std, log=prior.log)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_theta_is_recovered_from_noise_free_data(name: str) -> None:
     problem, data, noise = experiment(name)

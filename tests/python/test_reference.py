@@ -185,6 +185,7 @@ def case(request: pytest.FixtureRequest) -> Case:
     return random_case(request.param)
 
 
+@pytest.mark.long
 def test_random_cylinder_rhs(case: Case) -> None:
     for x0, u in zip(case.points.x0, case.points.u, strict=True):
         expected = case.cylinder.rhs(x0, u[0], case.mean)

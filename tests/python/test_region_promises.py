@@ -147,6 +147,7 @@ def problem(region: Any) -> fp.DesignProblem:
     return fp.DesignProblem(MODEL, PRIOR, region, noise=NOISE, output_covariance="noise")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(10))
 def test_designs_of_runs_keep_what_their_region_says(seed: int) -> None:
     rng = np.random.default_rng([seed, 1])
@@ -181,6 +182,7 @@ def point_region(rng: np.random.Generator) -> fp.ExperimentRegion:
     return region if region.satisfied(MODEL, drawn).mean() > 0.05 else point_region(rng)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(10))
 def test_designs_of_points_keep_what_their_region_says(seed: int) -> None:
     rng = np.random.default_rng([seed, 2])

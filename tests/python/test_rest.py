@@ -117,6 +117,7 @@ def test_states_and_sensitivities_are_those_of_scipy() -> None:
         np.testing.assert_allclose(done.dy_dtheta[k, :own], s, rtol=0, atol=1e-6 * np.abs(s).max())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("uncertain", [None, {"c": 0.05}])
 @pytest.mark.parametrize("start", [None, {"a": 0.1, "b": 0.02}])
 def test_the_information_is_that_of_dense_algebra(uncertain: dict[str, float] | None, start: dict[str, float] | None) -> None:
@@ -142,6 +143,7 @@ def test_the_rest_matters() -> None:
     assert np.abs(moving / still - 1).max() > 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("states", [("v", "p_A", "p_B"), ("x_v", "p_B", "p_A", "v")])
 def test_a_smooth_cylinder_creeps_from_its_rest(states: tuple[str, ...]) -> None:
     model = fp.HydraulicCylinder(smooth={"v": 5e-2, "x_v": 0.2})

@@ -195,6 +195,7 @@ def problem(region: fp.RunRegion | None = None, **more: Any) -> fp.DesignProblem
 REGION = {"x": (0.1, 0.4), "v": 0.0, "i": (0.0, 5.0), "u": (0.0, 12.0), "w": 0.0, "dt": 0.05}
 
 
+@pytest.mark.long
 def test_designs_estimates_and_rigs_start_there() -> None:
     region = fp.RunRegion(REGION, 6, rest=HELD)
     design = fp.design_runs(problem(region), 2, n_starts=1, n_candidates=20, threads=1)

@@ -27,6 +27,7 @@ def shown(report: Report) -> Iterator[str]:
         yield from section.notes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", PICTURES)
 def test_a_page_has_all_of_the_report_and_nothing_from_elsewhere(kind: str, tmp_path: Path) -> None:
     result = results()[kind]

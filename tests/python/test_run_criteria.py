@@ -58,6 +58,7 @@ def all_runs(count: int) -> fp.Runs:
 # --- what is searched for -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("with_prior", [False, True])
 @pytest.mark.parametrize("name", ("D", *OTHERS))
 def test_runs_are_the_best_of_all(name: str, with_prior: bool) -> None:
@@ -77,6 +78,7 @@ def test_runs_are_the_best_of_all(name: str, with_prior: bool) -> None:
     assert ("counts once beside the data" in report) == with_prior
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", OTHERS)
 def test_none_by_another_criterion_is_better(name: str) -> None:
     given = problem(6)

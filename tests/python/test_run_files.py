@@ -225,6 +225,7 @@ class Runs:
                 assert fp.Design.load(directory).points in [design.points for design in self.designs]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("before", [True, False], ids=["over another run", "alone"])
 @pytest.mark.parametrize("command", LAST)
 def test_a_run_that_is_killed_at_any_file_leaves_no_mixture(
@@ -276,6 +277,7 @@ def test_a_campaign_is_never_replaced(
     assert told.count("\n") == 1 and f"expected a directory without a campaign, given {directory}, which has campaign.json" in told
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", LAST)
 def test_no_result_is_replaced_unless_it_is_asked_for(
     command: str,

@@ -34,6 +34,7 @@ def unbeaten(design: fp.RunDesign) -> bool:
     return not any(value > own and design.classical_shares[name] >= share for name, value in design.classical.items())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stroke", [0.05, 0.5])
 def test_a_cart_stays_within_a_short_stroke(stroke: float) -> None:
     design = fp.design_runs(cart(stroke, segments=16), **FEW)
@@ -45,6 +46,7 @@ def test_a_cart_stays_within_a_short_stroke(stroke: float) -> None:
         assert design.rejected["left_domain: abs(x) < 0.05"] > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("make", "n_runs"), [(lambda: arm(12), 1), (lambda: tanks(8), 1), (lambda: rests(6), 2)])
 def test_limits_of_swings_levels_and_rests_are_kept(make: Callable[[], fp.DesignProblem], n_runs: int) -> None:
     design = fp.design_runs(make(), n_runs, **FEW)
@@ -57,6 +59,7 @@ def test_a_limit_that_no_run_keeps_is_named() -> None:
         fp.design_runs(problem, **FEW)
 
 
+@pytest.mark.long
 def test_runs_that_must_go_on_begin_with_the_longest() -> None:
     """No held input keeps both limits: the cart has to be back when the second begins to count."""
     model = fp.SymbolicModel(
@@ -78,6 +81,7 @@ def test_profiles_that_return_are_balanced() -> None:
             assert np.allclose(means, 0.5)
 
 
+@pytest.mark.long
 def test_the_share_that_is_asked_decides() -> None:
     problem = cart(1.0, segments=8)
     designs = [fp.design_runs(problem, goal=fp.Goal(confidence=share), n_starts=2, n_candidates=60) for share in (0.5, 0.9, 0.99)]
@@ -87,6 +91,7 @@ def test_the_share_that_is_asked_decides() -> None:
     assert shares[0] < 0.7 and shares[1] < 0.97
 
 
+@pytest.mark.long
 def test_information_counts_where_too_few_plants_can_run_anything() -> None:
     """Starts deviate so far that a run at rest is left by some plants too: it says nothing, and is no design."""
     design = fp.design_runs(cart(0.5, segments=8).replace(initial_state_std={"x": 0.25}), **FEW)
@@ -94,6 +99,7 @@ def test_information_counts_where_too_few_plants_can_run_anything() -> None:
     assert "Only" in str(design)
 
 
+@pytest.mark.long
 def test_threads_do_not_change_a_bit_of_it() -> None:
     problem = cart(0.2, segments=8)
     one, three = (fp.design_runs(problem, threads=threads, seed=2, **FEW) for threads in (1, 3))
@@ -163,6 +169,7 @@ def test_what_an_ascent_has_come_to_is_not_lost(monkeypatch: pytest.MonkeyPatch,
     assert kept.log_det > fp.design_runs(problem, **few).log_det + 0.1
 
 
+@pytest.mark.long
 def test_fewer_starts_are_followed_where_time_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = cart(0.5, segments=8)
     monkeypatch.setattr(Clock, "affordable", lambda self, kind, share: 400.0)
@@ -195,6 +202,7 @@ def test_the_distance_from_limits_follows_the_first_look_where_time_is_short(mon
     assert len(design.runs) == 1
 
 
+@pytest.mark.long
 def test_a_search_without_a_limit_looks_at_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = cart(0.5, segments=8)
     slow = fp.design_runs(problem, **FEW)
@@ -211,6 +219,7 @@ def test_no_example_needs_a_limit_of_time() -> None:
         assert settings.get("time_limit") is None, path.name
 
 
+@pytest.mark.long
 def test_inputs_are_round_and_few() -> None:
     design = fp.design_runs(cart(2.0, segments=10), n_starts=2, n_candidates=60)
     assert np.array_equal(np.round(design.runs.u, 3), design.runs.u)
@@ -236,6 +245,7 @@ def test_rounding_keeps_what_the_region_says() -> None:
     assert same == runs
 
 
+@pytest.mark.long
 def test_holds_of_inputs_name_their_segments() -> None:
     problem = fp.load_problem(EXAMPLES / "cylinder_runs.toml")
     assert isinstance(problem.region, fp.RunRegion)

@@ -60,6 +60,7 @@ NAMES = (
 cases = cache(saved_cases)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore")  # tables beside a design that was damaged are of another one
 @pytest.mark.parametrize("name", NAMES)
 def test_damaged_files_are_refused_in_our_words_or_can_be_shown(name: str, tmp_path: Path) -> None:

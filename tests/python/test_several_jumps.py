@@ -22,6 +22,7 @@ COUNT = int(os.environ.get("FISHERPOINT_JUMP_POINTS", "0"))
 """Random points of each system; 0 for a few."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "few"), [("axes", 10), ("arm", 10), ("platform", 2)])
 def test_joints_and_legs_start_from_rest_and_come_to_rest(name: str, few: int) -> None:
     """Half of the starts are at rest. None is refused."""
@@ -178,6 +179,7 @@ def test_f_that_is_not_one_sum_over_the_sides_has_no_slide_on_several() -> None:
     np.testing.assert_allclose(done.x[1], [0.0, 1.0], atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["arm", "platform"])
 def test_runs_go_on_from_segment_to_segment(name: str) -> None:
     """What holds goes on to hold, lets go when the input changes, and comes to rest again."""

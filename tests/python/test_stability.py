@@ -29,6 +29,7 @@ def test_halves_of_a_line_differ_as_two_fits_by_hand() -> None:
     assert "p = " in found.report().headline and not found.report().warnings
 
 
+@pytest.mark.long
 def test_a_prior_that_all_parts_share_is_no_difference() -> None:
     rng, s, found = np.random.default_rng(2), np.linspace(-1, 1, 12), []
     prior = fp.GaussianPrior({"p": 1.0, "q": 2.0}, std={"p": 0.05, "q": 0.05})

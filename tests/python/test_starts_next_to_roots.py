@@ -57,6 +57,7 @@ def test_where_roots_are_zero_is_read_off_the_equations() -> None:
     assert rough("sign(x - p)*sqrt(abs(x - p)) + abs(x)") == (True, False)
 
 
+@pytest.mark.long
 def test_compiled_models_are_as_right() -> None:
     model = model_of(RATES["the root of what is cut off"])
     points = fp.Experiments([[0.807]], [[]], [0.2484])

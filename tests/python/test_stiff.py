@@ -70,6 +70,7 @@ def test_neighbours_and_threads_change_no_bit() -> None:
         np.testing.assert_array_equal(alone.dx_dtheta[0], results[0].dx_dtheta[k])
 
 
+@pytest.mark.long
 def test_compiled_models_are_as_right() -> None:
     case = CASES["oregonator"]
     model, expected = case.model().compile(), reference("oregonator")

@@ -146,6 +146,7 @@ def chain() -> Case:
 SMALL = {of.__name__: of for of in (every_operation, slider, ball, thermostat, doses)}
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("straight")
 @pytest.mark.parametrize("name", SMALL)
 def test_results_are_the_interpreted_ones_to_the_last_bit(name: str) -> None:

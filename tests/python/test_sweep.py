@@ -220,6 +220,7 @@ def test_misuse_is_told(found: fp.Sweep) -> None:
 # --- for other criteria -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "goal",
     [

@@ -104,6 +104,7 @@ def saturation_alone(y: Array) -> tuple[bool, bool]:
     return True, bool(abs(found.x[1] - B) <= 1.959964 * np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[1, 1]))
 
 
+@pytest.mark.long
 def test_the_coverage_is_that_of_all_runs() -> None:
     """Of y = a (1 - exp(-b x)) with so much noise that one fit in ten has no minimum."""
     found = fp.validate(saturation(), at(X), runs=2000, theta="mean")
@@ -204,6 +205,7 @@ def judged(*of: ParameterFigures) -> list[str]:
     return [verdict.outcome for verdict in verdicts_of({"d": design})["d"].values()]
 
 
+@pytest.mark.long
 def test_what_is_said_was_shown() -> None:
     rng = np.random.default_rng(0)
     assert judged(*(figures(1.0, 4000, rng) for _ in range(9))) == ["holds"] * 9
@@ -234,6 +236,7 @@ def outcomes(design: DesignValidation) -> set[str]:
     return {verdict.outcome for verdict in verdicts_of({"d": design})["d"].values()}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("runs", [56, 74, 80, 100, 300])
 @pytest.mark.parametrize("p", [1, 3, 9, 20])
 def test_what_holds_is_not_called_broken(p: int, runs: int) -> None:
@@ -356,6 +359,7 @@ def test_an_interrupt_before_anything_is_done_goes_on(monkeypatch: pytest.Monkey
         fp.validate(line(), at([-1.0, 0.4, 2.0]), runs=500)
 
 
+@pytest.mark.long
 def test_results_are_kept(tmp_path: Path) -> None:
     found, path = fp.validate(saturation(), at(X), runs=200, theta="mean"), tmp_path / "kept.json"
     found.save(path)

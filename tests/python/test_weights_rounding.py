@@ -53,6 +53,7 @@ def test_the_tolerance_is_reached(name: str, shape: tuple[int, int, int]) -> Non
         assert found.efficiency >= 1 - 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["D", "Ds", "A", "c"])
 def test_the_tolerance_is_reached_over_scenarios(name: str, kind: str) -> None:

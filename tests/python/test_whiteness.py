@@ -47,6 +47,7 @@ def test_mean_and_covariance_after_a_fit_are_exact() -> None:
     assert found[0].expected[0] < -0.1  # what would be taken for alternating noise without the fit's share
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("n", "p"), [(16, 3), (80, 4), (250, 8)])
 def test_white_noise_is_called_others_as_seldom_as_the_level_says(n: int, p: int) -> None:
     rng, q, fits = np.random.default_rng(n), columns(n, p), 1500

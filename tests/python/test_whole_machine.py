@@ -41,6 +41,7 @@ def test_numbers_are_those_of_the_independent_implementation() -> None:
     assert NOISE == numbers().NOISE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("friction", ["tanh", "coulomb"])
 def test_it_stands_where_all_rates_vanish(friction: str) -> None:
     """Pressures and spools by SciPy too, from what the independent implementation says of rates, where it is there."""

@@ -62,6 +62,7 @@ def test_the_bits_do_not_depend_on_threads(threads: int, alone: dict[str, str]) 
     assert results(None, threads) == alone
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ENGINES)
 def test_the_bits_are_those_of_this_process(name: str, alone: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     searches = name in ("5 processes", "backwards")
@@ -70,6 +71,7 @@ def test_the_bits_are_those_of_this_process(name: str, alone: dict[str, str], mo
     assert found == {place: digest for place, digest in alone.items() if searches or not place.startswith("[approximate]")}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fewest", [1, 20, 150])
 def test_the_bits_do_not_depend_on_the_size_of_parts(fewest: int, alone: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "FEWEST", fewest)
