@@ -1,5 +1,5 @@
 # make design   the main task: the paper's design for its cylinder, the recommended one, and how they compare, in run/
-# make test     the tests, C++ and Python; of those that take long, one in four
+# make test     the tests, C++ and Python; of those that take long, one in eight
 # Both set up what a bare Debian with Python 3.11 lacks: system packages (as root; an ordinary user is told which) and a
 # virtual environment in .venv. `make design` compiles for this machine alone; what is for developers, for every level of
 # the instruction set.
@@ -20,7 +20,7 @@ design: $(VENV)/.installed
 	$(BIN)/fisherpoint design examples/cylinder.toml -o run/recommended --force
 	$(BIN)/fisherpoint compare examples/cylinder.toml run/paper/design.csv run/recommended/design.csv -o run/compared --force
 
-test: export FISHERPOINT_LONG_TESTS = 0/4
+test: export FISHERPOINT_LONG_TESTS = 0/8
 test: test-cpp test-python test-levels
 
 test-long: $(VENV)/.developer
