@@ -1,8 +1,8 @@
 # make design   the main task: the paper's design for its cylinder, the recommended one, and how they compare, in run/
 # make test     the tests, C++ and Python; of those that take long, one in eight
 # Both set up what a bare Debian with Python 3.11 lacks: system packages (as root; an ordinary user is told which) and a
-# virtual environment in .venv. `make design` compiles for this machine alone; what is for developers, for every level of
-# the instruction set.
+# virtual environment in .venv. `make design` compiles for this machine alone; what is for developers, for every level
+# that it has.
 
 PYTHON ?= python3
 VENV := .venv

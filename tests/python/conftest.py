@@ -39,9 +39,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     long_k, long_n = map(int, os.environ.get("FISHERPOINT_LONG_TESTS", "0/1").split("/"))
     kept, left_out = [], []
     for item in items:
-        name = crc32(item.nodeid.encode())
-        is_wanted = item.get_closest_marker("long") is None or name % long_n == long_k
-        (kept if is_wanted and name // long_n % n == k else left_out).append(item)
+        checksum = crc32(item.nodeid.encode())
+        is_short = item.get_closest_marker("long") is None
+        (kept if (is_short or checksum % long_n == long_k) and checksum // long_n % n == k else left_out).append(item)
     config.hook.pytest_deselected(items=left_out)
     items[:] = kept
 
