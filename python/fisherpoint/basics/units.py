@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from math import inf, pi, pow
 from typing import Any, overload
 
@@ -34,12 +35,12 @@ class UnitValue:
     powers: tuple[Fraction, ...]
 
     def __mul__(self, other: UnitValue) -> UnitValue:
-        powers = tuple(a + b for a, b in zip(self.powers, other.powers, strict=True))
+        powers = tuple(a + b if a and b else a or b for a, b in zip(self.powers, other.powers, strict=True))
         return UnitValue(self.times * other.times, self.over * other.over, powers)
 
     def __pow__(self, power: Fraction) -> UnitValue:
         times, over = (self.times, self.over) if power >= 0 else (self.over, self.times)
-        powers = tuple(a * power for a in self.powers)
+        powers = tuple(a * power if a else a for a in self.powers)
         return UnitValue(_power(times, abs(power)), _power(over, abs(power)), powers)
 
 
@@ -258,7 +259,15 @@ def _in_radians(text: str) -> bool:
 def _read(text: object, place: str) -> UnitValue:
     if not isinstance(text, str) or len(text) > LONGEST_UNIT:
         raise ValueError(f"{place}: expected a unit such as 'm3/(s sqrt(Pa))', given {shown(text)}")
-    return _Parser(text.strip() or "1", place).whole()
+    try:
+        return _parsed(text)
+    except ValueError as mistake:
+        raise ValueError(f"{place}: {mistake}") from None
+
+
+@lru_cache(maxsize=1000)
+def _parsed(text: str) -> UnitValue:
+    return _Parser(text.strip() or "1").whole()
 
 
 def _of_name(name: str) -> UnitValue:
@@ -269,8 +278,8 @@ def _of_name(name: str) -> UnitValue:
 class _Parser:
     """Reads product = factor {[* | · | /] factor}, factor = (name | number | [sqrt] "(" product ")") [power]."""
 
-    def __init__(self, text: str, place: str) -> None:
-        self.text, self.place, self.end = text.rstrip(), place, 0
+    def __init__(self, text: str) -> None:
+        self.text, self.end = text.rstrip(), 0
         self.advance()
 
     def advance(self) -> None:
@@ -284,7 +293,7 @@ class _Parser:
     def error(self, expected: str) -> ValueError:
         where = f"{shown(self.text[self.start :].strip())} at column {self.start + 1}" if self.start < len(self.text) else "its end"
         return ValueError(
-            f"{self.place}: expected a unit such as 'm3/(s sqrt(Pa))', given {shown(self.text)}: {expected} expected before {where}"
+            f"expected a unit such as 'm3/(s sqrt(Pa))', given {shown(self.text)}: {expected} expected before {where}"
         )
 
     def whole(self) -> UnitValue:
@@ -313,8 +322,7 @@ class _Parser:
                 raise self.error("')'")
         elif self.kind == "name" and self.token not in UNITS:
             raise ValueError(
-                f"{self.place}: expected a unit such as 'm3/(s sqrt(Pa))', given {shown(self.text)}: unknown unit "
-                f"{shown(self.token)} "
+                f"expected a unit such as 'm3/(s sqrt(Pa))', given {shown(self.text)}: unknown unit {shown(self.token)} "
                 f"at column {self.end - len(self.token) + 1}"
             )
         elif self.kind not in ("name", "one"):

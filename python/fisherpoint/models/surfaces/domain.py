@@ -11,6 +11,7 @@ import sympy
 from ..tape.branch import Guards, Select, guards_of
 from ..tape.defined import value_of
 from ..tape.parts import exact, is_number, parts, reads, replaced
+from ..tape.signs import is_nonzero, is_positive
 from .branches import Surface
 from .limits import is_root, limits_of
 from .printing import in_words, to_text
@@ -126,7 +127,7 @@ class Domain:
         expression, guards = value_of(expression), tuple((value_of(condition), taken) for condition, taken in guards)
         for shown in (written, expression):
             known = replaced(shown, self._constants, self._with_constants)
-            if known.is_positive or (pole and known.is_nonzero):
+            if is_positive(known) or (pole and is_nonzero(known)):
                 return
         smooth = sympy.Mul(*(factor for factor in sympy.Mul.make_args(expression) if not isinstance(factor, sympy.Dummy)))
         if pole and is_number(smooth, 1):

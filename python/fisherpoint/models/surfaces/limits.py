@@ -10,6 +10,7 @@ import sympy
 from ..tape.definition import Definition
 from ..tape.kinds import KINDS, expression_of
 from ..tape.parts import symbols_of
+from ..tape.signs import is_nonnegative, is_positive
 from .zeros import normal_form
 
 Key = tuple[Any, int | None, tuple[Any, ...]]
@@ -105,10 +106,10 @@ def _forms(part: Any) -> Iterator[tuple[Any, int | None]]:
     for argument, _, pole in limits_of(part, {}):
         factors = [factor for factor in sympy.Mul.make_args(argument) if symbols_of(factor)]
         if pole:
-            yield from ((normal_form(_base(factor))[0], None) for factor in factors if not factor.is_positive)
-        elif not (argument.is_nonnegative and isinstance(part, sympy.Pow) and part.exp.is_positive):
+            yield from ((normal_form(_base(one))[0], None) for one in factors if not is_positive(one))
+        elif not (isinstance(part, sympy.Pow) and part.exp.is_positive and is_nonnegative(argument)):
             numbers = sympy.Mul(*(factor for factor in sympy.Mul.make_args(argument) if factor not in factors))
-            rest = sympy.Mul(numbers, *(factor for factor in factors if not factor.is_nonnegative))
+            rest = sympy.Mul(numbers, *(factor for factor in factors if not is_nonnegative(factor)))
             if symbols_of(rest):
                 yield normal_form(rest)
 

@@ -9,6 +9,7 @@ import numpy as np
 import sympy
 
 from ..tape.parts import exact, is_number, parts, replaced, symbols_of
+from ..tape.signs import is_positive
 from .evaluate import evaluate
 
 
@@ -17,7 +18,7 @@ def normal_form(expression: Any) -> tuple[Any, int]:
 
     Factors that are positive whatever their symbols are do not count.
     """
-    factors = [factor for factor in sympy.Mul.make_args(expression) if not (factor.is_positive and not factor.is_Number)]
+    factors = [factor for factor in sympy.Mul.make_args(expression) if factor.is_Number or not is_positive(factor)]
     coefficient, rest = sympy.Mul(*factors).as_coeff_Mul()
     terms = rest.as_coefficients_dict()
     first = min(terms, key=sympy.default_sort_key)
@@ -28,7 +29,7 @@ def normal_form(expression: Any) -> tuple[Any, int]:
 
 def reduced(expression: Any) -> tuple[Any, int]:
     """Return the expression without numerical factor and without positive factors, and the sign that was taken out."""
-    factors = [factor for factor in sympy.Mul.make_args(expression) if not factor.is_positive]
+    factors = [factor for factor in sympy.Mul.make_args(expression) if not is_positive(factor)]
     coefficient, rest = sympy.Mul(*factors).as_coeff_Mul()
     if is_number(rest, 1):
         return expression, 1

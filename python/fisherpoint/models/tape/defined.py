@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy
 
-from .parts import rebuilt
+from .parts import contains, rebuilt
 
 
 class Defined(sympy.Function):  # type: ignore[misc]
@@ -29,4 +29,6 @@ def defined(value: Any, others: Iterable[Any]) -> Any:
 
 def value_of(expression: Any) -> Any:
     """The expression without what it was written of beside."""
+    if not contains(expression, Defined):
+        return expression
     return rebuilt(expression, lambda _, now: now.args[0] if isinstance(now, Defined) else now)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
 from functools import lru_cache
+from operator import is_
 from typing import Any
 
 import sympy
@@ -18,6 +19,8 @@ MAX_OPERATIONS = 20_000
 """The most different operations, names and numbers of an expression: what occurs more than once is computed once."""
 MAX_NESTED = 200
 """How deep the operations of an expression may be nested: SymPy goes down by recursion."""
+_ODD = frozenset([sympy.asinh, sympy.atan, sympy.sinh, sympy.tanh])
+_NOT_FINITE = frozenset([sympy.oo, -sympy.oo, sympy.zoo, sympy.nan])
 
 
 def parts(expression: Any, known: Container[Any] = ()) -> Iterator[Any]:
@@ -25,16 +28,22 @@ def parts(expression: Any, known: Container[Any] = ()) -> Iterator[Any]:
 
     What is in `known` is left out, with its parts.
     """
+    places: set[int] = set()  # of what was looked at in memory: equal parts are mostly the same, and hashes of floats are slow
     seen: set[Any] = set()
-    stack = [(expression, False)]
+    stack = [expression]
     while stack:
-        part, expanded = stack.pop()
-        if expanded:
-            yield part
-        elif part not in seen and part not in known:
+        part = stack.pop()
+        if part is None:  # what is below it is a part whose own parts are done
+            yield stack.pop()
+        elif id(part) not in places:
+            places.add(id(part))
+            if part in seen or part in known:
+                continue
             seen.add(part)
-            stack.append((part, True))
-            stack.extend((argument, False) for argument in part.args)
+            if part.args:
+                stack += (part, None, *part.args)
+            else:
+                yield part
 
 
 def rebuilt(expression: Any, change: Callable[[Any, Any], Any], known: dict[Any, Any] | None = None) -> Any:
@@ -45,9 +54,12 @@ def rebuilt(expression: Any, change: Callable[[Any, Any], Any], known: dict[Any,
     """
     made = {} if known is None else known
     for part in parts(expression, made):
-        args = [made[argument] for argument in part.args]
-        same = all(a is b for a, b in zip(args, part.args, strict=True))
-        made[part] = change(part, part if same else remade(part, args))
+        if part.args:
+            args = [made[argument] for argument in part.args]
+            same = all(map(is_, args, part.args))
+            made[part] = change(part, part if same else remade(part, args))
+        else:
+            made[part] = change(part, part)
     return made[expression]
 
 
@@ -58,13 +70,22 @@ def replaced(expression: Any, new: Mapping[Any, Any], known: dict[Any, Any] | No
 
 def remade(part: Any, args: Sequence[Any]) -> Any:
     """A part with other arguments."""
+    if isinstance(part, sympy.Mul) and sympy.S.Zero in args and not any(one in _NOT_FINITE for one in args):
+        return sympy.S.Zero  # SymPy would ask of each factor whether it is finite, at length
     if isinstance(part, sympy.Max | sympy.Min) and not all(argument.is_number for argument in args):
         return part.func(*args, evaluate=False)
     if isinstance(part, sympy.And | sympy.Or) and not any(argument in (sympy.true, sympy.false) for argument in args):
         return part.func(*args, evaluate=False)
     if isinstance(part, Relational):
         return compared(part.func, *args)
-    return _unchanged(part.func, *args) if isinstance(part, ExprCondPair | sympy.Piecewise) else part.func(*args)
+    return _unchanged(part.func, *args) if isinstance(part, ExprCondPair | sympy.Piecewise) else called(part.func, *args)
+
+
+def called(function: Callable[..., Any], *args: Any) -> Any:
+    """The value of a function of SymPy; odd ones do not ask at length whether a sum or a product is zero everywhere."""
+    if function in _ODD and isinstance(args[0], sympy.Add | sympy.Mul) and not args[0].is_number:
+        return function(*args, evaluate=bool(args[0].could_extract_minus_sign()))
+    return function(*args)
 
 
 @lru_cache(maxsize=10_000)
@@ -96,6 +117,11 @@ def reads(expression: Any, symbols: Collection[Any]) -> bool:
 def symbols_of(expression: Any) -> set[Any]:
     """All symbols of an expression; unlike `free_symbols` it looks at each part once."""
     return {part for part in parts(expression) if part.is_Symbol}
+
+
+def contains(expression: Any, kind: type) -> bool:
+    """Whether a part of an expression is of a kind."""
+    return any(isinstance(part, kind) for part in parts(expression))
 
 
 def check_size(expression: Any, place: str, depths: dict[Any, int] | None = None) -> None:
