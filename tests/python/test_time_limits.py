@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fisherpoint as fp
+from bench.strokes import cart
 from defaults import problem, same_bits
 from fisherpoint.basics import work_clock
 from fisherpoint.basics.work_clock import BLOCK_SECONDS, BLOCK_SHARE, LANES, Clock, OutOfTime
@@ -108,3 +109,14 @@ def test_plants_stand_for_the_nodes_where_these_take_too_long(seconds: Seconds) 
     status = limited.statuses(points)
     assert limited.plants is not None and LANES <= limited.plants < given.rule.size(given.prior)
     assert status.shape == (20,) and (status == free.statuses(points)).mean() > 0.5
+
+
+def test_what_a_limit_leaves_out_of_runs_is_named() -> None:
+    given = cart(0.5, segments=8)
+    found = fp.design_runs(given, n_candidates=40, n_starts=2, time_limit=1e-6)
+    assert found.stop_reason == "time_limit" and "classical runs to compare with" in found.left_out
+    assert ("standard errors away from the prior mean" in found.left_out) == (found.evaluation.nearby is None)
+    (line,) = (line for line in str(found.report()).splitlines() if "left out for lack of time" in line)
+    assert line.endswith(f"  {'; '.join(found.left_out)}")
+    free = fp.design_runs(given, n_candidates=40, n_starts=2)
+    assert free.left_out == () and free.classical and "lack of time" not in str(free.report())

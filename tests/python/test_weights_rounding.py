@@ -9,6 +9,7 @@ import pytest
 
 import fisherpoint as fp
 from fisherpoint.basics.values import Array
+from fisherpoint.basics.work_clock import OutOfTime
 from fisherpoint.design.candidates.candidate_rows import CandidateRows
 from fisherpoint.design.goal.averaged_criterion import Averaged, EstimableOver
 from fisherpoint.design.goal.criteria import Criterion
@@ -102,3 +103,36 @@ def test_what_cannot_be_reached_is_told() -> None:
 def test_designs_for_the_least_eigenvalue_have_their_certificate(options: dict[str, object]) -> None:
     problem = fp.load_problem(Path(__file__).parents[2] / "examples" / "michaelis_menten.toml")
     assert fp.approximate_design(problem, **options).efficiency > 1 - 1e-5  # type: ignore[arg-type]
+
+
+class Counted:
+    """Raises `OutOfTime` at a call."""
+
+    def __init__(self, calls: int) -> None:
+        self.left = calls
+
+    def __call__(self) -> None:
+        self.left -= 1
+        if self.left < 0:
+            raise OutOfTime
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_weights_that_ran_out_of_time_are_bounded_all_the_same(name: str) -> None:
+    rows = CandidateRows(np.random.default_rng(2).standard_normal((3000, 1, 6)))
+    of = criterion(name, 6, 0)
+    best = optimal_weights(rows, of)
+    efficiencies = list[float]()
+    with pytest.raises(OutOfTime):
+        optimal_weights(rows, of, between_steps=Counted(0))
+    for calls in (*range(1, 40), 10**9):
+        try:
+            found = optimal_weights(rows, of, between_steps=Counted(calls))
+        except OutOfTime:  # in the first round
+            assert not efficiencies
+            continue
+        efficiencies.append(found.efficiency)
+        assert found.weights.min() > 0 and found.weights.sum() == pytest.approx(1)
+        assert best.log_phi <= found.log_bound + 1e-9 and found.log_phi <= best.log_bound + 1e-9
+        assert found.log_phi == pytest.approx(np.log(found.efficiency) + found.log_bound, abs=1e-9)
+    assert efficiencies[0] < 1 - 1e-4 and efficiencies[-1] >= 1 - 1e-6

@@ -31,6 +31,9 @@ from .prior_information import nuisance_rows
 from .problem import OUTPUT_COVARIANCES, DesignProblem
 from .uneven_readings import mean_covariance
 
+NEARBY = "standard errors away from the prior mean"
+"""What `Evaluation.nearby` has, in words."""
+
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
@@ -133,6 +136,11 @@ class Evaluation(Shown, Kept):
     def _check_content(self) -> None:
         if self.nearby is not None and not set(self.nearby.points) <= set(range(self.n_points)):
             raise ValueError(f"nearby.points: expected numbers below n_points = {self.n_points}, given {list(self.nearby.points)}")
+
+    @property
+    def without_nearby(self) -> bool:
+        """Whether there was no time for `nearby`."""
+        return self.nearby is None and self.covariance is not None and self.output_covariance_kind == "noise"
 
     @property
     def information(self) -> Array:

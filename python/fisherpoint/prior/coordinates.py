@@ -47,13 +47,15 @@ def principal_coordinates(prior: GaussianPrior, varied: Iterable[str]) -> Coordi
 
 def correlated_groups(prior: GaussianPrior, varied: Iterable[str]) -> list[tuple[str, ...]]:
     """Parameters that hang together by correlations, directly or through others, in the prior's order."""
+    from scipy.sparse.csgraph import connected_components
+
     names = [name for name in prior.names if name in set(varied)]
     rows = [prior.names.index(name) for name in names]
-    joined = prior.correlation[np.ix_(rows, rows)] != 0
-    for _ in names:
-        joined = joined @ joined
-    groups = {tuple(np.flatnonzero(row).tolist()) for row in joined}
-    return [tuple(names[i] for i in group) for group in sorted(groups)]
+    _, of = connected_components(prior.correlation[np.ix_(rows, rows)] != 0, directed=False)
+    groups: dict[int, list[str]] = {}
+    for name, group in zip(names, of.tolist(), strict=True):
+        groups.setdefault(group, []).append(name)
+    return list(map(tuple, groups.values()))
 
 
 def _coordinates(prior: GaussianPrior, varied: tuple[str, ...], factor: Callable[[Array], Array]) -> Coordinates:

@@ -52,9 +52,10 @@ class Determinant(Criterion):
         return Slope(self, half / np.sqrt(self.level), log_phi, factor, 0.0)
 
     def _curvature(self, slope: Slope, matrices: Array) -> Array:
+        inner = (slope.half.T @ matrices @ slope.half).reshape(len(matrices), -1)
+        if self.plain:  # K is the identity: both products are tr(M^-1 F_i M^-1 F_j) / s
+            return np.asarray(-self.level * (inner @ inner.T))
         rows = across(slope, matrices)
-        inner = slope.half.T @ matrices @ slope.half
-        inner = inner.reshape(len(matrices), -1)
         return np.asarray(self.level * (inner @ inner.T) - 2.0 * (rows @ rows.T))
 
     def within(self, estimable: Estimable) -> Criterion:

@@ -33,6 +33,7 @@ def over_bound(
     first: int,
     allowed: Callable[[Places], NDArray[np.bool_]],
     criteria: Sequence[Criterion],
+    between_steps: Callable[[], None] = lambda: None,
     tuning: ArchiveTuning = ArchiveTuning(),
 ) -> float | None:
     """The bound of the objective at M_s + `known`; None where the candidates do not determine the criterion.
@@ -50,6 +51,8 @@ def over_bound(
         Takes candidates that would have a weight and returns which of them may; the others do not count.
     criteria : sequence of Criterion
         In each scenario.
+    between_steps : callable, optional
+        Called between steps; what it raises ends the search for the bound.
     tuning : ArchiveTuning
     """
     level, scenarios = criteria[0].level, len(rows)
@@ -62,8 +65,15 @@ def over_bound(
     for group in groups:
         criterion, candidates, space = _of_group(group, rows, known, average, criteria, spaces)
         begin = np.arange(first)
-        tolerance = tuning.tolerance_over_prior
-        found = optimal_weights(candidates, criterion, tolerance=tolerance, space=space, first=begin, allowed=allowed)
+        found = optimal_weights(
+            candidates,
+            criterion,
+            tolerance=tuning.tolerance_over_prior,
+            space=space,
+            first=begin,
+            allowed=allowed,
+            between_steps=between_steps,
+        )
         value = criterion.objective(candidates.information(found.chosen, found.weights))
         if not np.isfinite(value) or not found.efficiency > 0:
             return None

@@ -130,7 +130,9 @@ class CandidateArchive:
                 flat = whitened_rows(noise, there).reshape(-1, p)
                 known[s] += flat.T @ flat / count
 
-        value = over_bound(rows, known, over.average, count, self._runnable(everything, count), self.criteria, self.tuning)
+        value = over_bound(
+            rows, known, over.average, count, self._runnable(everything, count), self.criteria, self._clock.check, self.tuning
+        )
         level = self.criteria[0].level
         return None if value is None else Bound(float(value + level * np.log(2 * count / total)), len(everything) - count)
 
@@ -139,7 +141,6 @@ class CandidateArchive:
         valid = np.arange(len(everything)) < count
 
         def runs_everywhere(places: Places) -> NDArray[np.bool_]:
-            self._clock.check()
             unknown = places[~valid[places]]
             valid[unknown] = self.validity.of(everything.points[unknown])
             return valid[places]
@@ -192,6 +193,7 @@ class CandidateArchive:
             space=space,
             first=np.arange(count),
             allowed=self._runnable(everything, count),
+            between_steps=self._clock.check,
         )
         return _Best(everything, candidates, found)
 

@@ -13,7 +13,7 @@ from ...basics.values import Array, FrozenMapping
 from ...basics.work_clock import LANES, Clock, OutOfTime
 from ...engine import _core
 from ...information.candidates import CandidateSource
-from ...information.evaluation import Evaluation, evaluate_information, finite_fisher
+from ...information.evaluation import NEARBY, Evaluation, evaluate_information, finite_fisher
 from ...information.output_covariance import OutputCovariance, output_covariance
 from ...information.point_information import PointInformation
 from ...information.problem import DesignProblem
@@ -238,8 +238,8 @@ class PointSearch:
         d = output_covariance(self.problem, information, self.threads, "noise")
         known = prior_rows(self.problem, self.settings.goal)
         found = evaluate_information(self.problem, information, d, self.threads, known, self.time)
-        if found.covariance is not None and found.nearby is None:
-            self.left_out.append("standard errors away from the prior mean")
+        if found.without_nearby:
+            self.left_out.append(NEARBY)
         return found
 
     @property

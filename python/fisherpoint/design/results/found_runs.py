@@ -61,6 +61,8 @@ class FoundRuns:
     ridge : float
         Share of the prior's information that was added to F where no runs of the region determine all parameters, to compare
         runs; else 0. No figure of the design contains it.
+    left_out : tuple of str
+        What the time limit left no time for, such as classical runs to compare with.
     """
 
     problem: DesignProblem
@@ -81,6 +83,7 @@ class FoundRuns:
     n_kept: int = 0
     ridge: float = 0.0
     signals: Mapping[str, tuple[tuple[Fact, ...], ...]] = FrozenMapping({})
+    left_out: tuple[str, ...] = ()
 
     _EXTENTS: ClassVar[Extents] = {
         "runs.x0": ("n", "problem.model.states"),

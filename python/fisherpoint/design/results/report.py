@@ -29,6 +29,7 @@ from .evaluated_points import EvaluatedPoints
 from .found_design import FoundDesign
 from .over_report import over_sections
 from .settings import searched_by
+from .settings_section import left_out_facts
 from .singular_report import ridge_facts, singular_warning
 
 ROWS, ROWS_OF_PAGES = 40, 1000  # points shown of a longer list
@@ -288,7 +289,7 @@ def _search(design: FoundDesign) -> Section:
         ("seed, time", f"{settings.seed}, {design.seconds:.1f} s"),
     ]
     facts += ridge_facts(design.ridge)
-    facts += [("left out for lack of time", "; ".join(design.left_out))] if design.left_out else []
+    facts += left_out_facts(design.left_out)
     if design.previous_left_out:
         lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
         facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))

@@ -1,8 +1,8 @@
-"""Options of a search in words; those with their default are left out."""
+"""A search in words: its options, those with their default left out, and what its time limit left no time for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ...basics.options import options_of
@@ -27,6 +27,12 @@ def option_facts(options: Any, *without: str) -> Iterator[tuple[str, str]]:
         value = getattr(options, one.name)
         if one.words and one.name not in without and value is not None and (one.always or value != one.default):
             yield one.words, _shown(value) if one.shown is None else one.shown(value)
+
+
+def left_out_facts(left_out: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """What a time limit left no time for, if anything."""
+    if left_out:
+        yield "left out for lack of time", "; ".join(left_out)
 
 
 def _shown(value: object) -> str:

@@ -18,6 +18,7 @@ from ...basics.work_clock import Clock
 from ...engine.workers import Workers, check_workers, distributed_over
 from ...information.combinations import combinations
 from ...information.evaluate import evaluate_beside
+from ...information.evaluation import NEARBY
 from ...information.feasibility import Feasibility, feasibility_within
 from ...information.output_covariance import output_covariance
 from ...information.point_information import PointInformation
@@ -38,7 +39,7 @@ from ..results.scenario_values import scenario_values
 from ..results.settings import RunSettings
 from .run_design import RunDesign
 from .run_groups import RunGroup, best_of_groups
-from .run_references import ClassicalRuns
+from .run_references import CLASSICAL_RUNS, ClassicalRuns
 from .run_search import RunSearch
 from .tuning import RunSearchTuning
 
@@ -171,6 +172,8 @@ def design_runs(
         runs, stop_reason = _with_kept(kept, end.runs), end.stop_reason
         search.clock.reserve = 0.0
         evaluation = evaluate_beside(problem, runs, threads, known, prior_rows(problem, goal), search.clock)
+        if evaluation.without_nearby:
+            search.left_out.append(NEARBY)
         if goal.requires_all and evaluation.null_directions and stop_reason == StopReason.completed:
             _refuse("these runs leave open", evaluation.null_directions, "make more runs, or longer ones with more samples")
     scenarios = None
@@ -202,6 +205,7 @@ def design_runs(
         n_kept=0 if kept is None else len(kept),
         ridge=RIDGE if search.singular else 0.0,
         signals=search.signals(end.z),
+        left_out=tuple(dict.fromkeys(search.left_out)),
     )
 
 
@@ -247,6 +251,7 @@ def _judged(search: RunSearch, kept: Runs | None, reason: StopReason) -> _End:
         for name, found in search.classical.items() if not search.singular else ():
             if search.clock.late():
                 reason = StopReason.time_limit
+                search.left_out.append(CLASSICAL_RUNS)
                 break
             same = found is search.best
             own = runs if same else search.planned(found)

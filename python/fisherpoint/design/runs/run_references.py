@@ -12,6 +12,9 @@ from .run_objective import RunObjective
 from .run_pool import RunPool
 from .run_profiles import CLASSICAL
 
+CLASSICAL_RUNS = "classical runs to compare with"
+"""What there was no time for, in words."""
+
 
 class ClassicalRuns(NamedTuple):
     """log det F of runs of a classical profile, -inf where F is singular, and the share of the plants that can run them."""
@@ -20,15 +23,15 @@ class ClassicalRuns(NamedTuple):
     share: float
 
 
-def classical_runs(objective: RunObjective, n_runs: int, seed: int) -> dict[str, Array]:
-    """Free numbers (L, d) of the best of some random runs of each classical profile, by its name.
+def classical_runs(objective: RunObjective, n_runs: int, seed: int) -> tuple[dict[str, Array], bool]:
+    """Free numbers (L, d) of the best of some random runs of each classical profile, by its name; whether there was time for all.
 
     The best has the most information at the prior mean, whether other plants can run it or not. All are left out where no input
     changes from segment to segment, and those that are not reached in the time.
     """
     found: dict[str, Array] = {}
     if not objective.coordinates.any_values:
-        return found
+        return found, True
     most = objective.tuning.most_classical_segments // (objective.coordinates.segments * len(objective.plants))
     wanted = max(4 * n_runs, 20, min(objective.tuning.classical_runs, most))
     for place, (name, profile) in enumerate(CLASSICAL.items()):
@@ -39,7 +42,7 @@ def classical_runs(objective: RunObjective, n_runs: int, seed: int) -> dict[str,
         except ValueError:
             continue
         except OutOfTime:
-            break
+            return found, False
         if pool.interrupted:
             raise KeyboardInterrupt
-    return found
+    return found, True

@@ -19,6 +19,7 @@ from ..results.efficiency import d_efficiency
 from ..results.found_runs import FoundRuns
 from ..results.over_report import over_sections
 from ..results.report import plants_sections
+from ..results.settings_section import left_out_facts
 from ..results.singular_report import ridge_facts
 from .run_tables import divided, runs_tables
 
@@ -104,6 +105,7 @@ def _search(design: FoundRuns) -> Section:
         ("end of the search", design.stop_reason.words),
         ("runs drawn", f"{design.drawn}, of which {sum(design.rejected.values())} do not reach their ends"),
         *ridge_facts(design.ridge, False),
+        *left_out_facts(design.left_out),
         ("time", f"{design.seconds:.1f} s"),
     ]
     others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)

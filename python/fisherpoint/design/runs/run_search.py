@@ -42,7 +42,7 @@ from .run_feasibility import RunGuard
 from .run_objective import RunObjective
 from .run_pool import RunPool, determine_all
 from .run_race import race
-from .run_references import classical_runs
+from .run_references import CLASSICAL_RUNS, classical_runs
 from .run_rounding import tidied
 from .sample_choice import best_samples
 from .sampled_plants import RunPlants
@@ -73,6 +73,8 @@ class RunSearch:
 
     Attributes
     ----------
+    left_out : list of str
+        What there was no time for.
     classical : dict of profile to ReachedRuns
         Runs as they are chosen by hand; the search begins from them too.
     pool : RunPool
@@ -114,6 +116,7 @@ class RunSearch:
         self._climbs: list[Climb] = []
         self._other_ends: list[ReachedRuns] = []
         self.classical: dict[str, ReachedRuns] = {}
+        self.left_out: list[str] = []
         self._found: list[ReachedRuns] = []
         self._hurried = False
         self._longest_trial = 0.0
@@ -237,7 +240,10 @@ class RunSearch:
             self.clock.reserve = max(self.clock.reserve, 2 * self.clock.cost("tangents", self.n_runs))
         if objective.problem.model.in_core:
             self.clock.share = self.tuning.time_shares[1]
-            for name, z in classical_runs(objective, self.n_runs, self.seed).items():
+            classical, all_of_them = classical_runs(objective, self.n_runs, self.seed)
+            if not all_of_them:
+                self.left_out.append(CLASSICAL_RUNS)
+            for name, z in classical.items():
                 self.clock.share = 1.0
                 self.classical[name] = self._tried(z, self._chosen_samples(z))
         self.clock.share = 1.0

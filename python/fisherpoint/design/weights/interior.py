@@ -8,6 +8,8 @@ positive on the way, so that M is regular also where the optimum is not, as "c" 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ...basics.values import Array
@@ -16,7 +18,13 @@ from .interior_criteria import Inner, inner_of, mean_of
 from .tuning import WeightsTuning
 
 
-def best_weights(matrices: Array, criterion: Criterion, gap: float, tuning: WeightsTuning = WeightsTuning()) -> tuple[Array, Slope]:
+def best_weights(
+    matrices: Array,
+    criterion: Criterion,
+    gap: float,
+    tuning: WeightsTuning = WeightsTuning(),
+    between_steps: Callable[[], None] = lambda: None,
+) -> tuple[Array, Slope]:
     """Weights (m,) of matrices (m, p, p) with a regular mean, such that max_i tr(G F_i) <= 1 + gap; and the derivatives.
 
     Where rounding keeps the gap from being reached, the best weights that were met.
@@ -30,6 +38,7 @@ def best_weights(matrices: Array, criterion: Criterion, gap: float, tuning: Weig
     best, smallest = (w, inner), np.inf
     idle, since = 0, np.inf  # the gap before the first of the idle steps: small ones add up
     for _ in range(tuning.most_steps):
+        between_steps()
         above = inner.gap
         idle, since = (0, above) if above < 0.9 * since else (idle + 1, since)
         if above < smallest:

@@ -9,6 +9,7 @@ candidates that hardly count are dropped. `WeightsTuning` has the numbers.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...basics.values import Array
+from ...basics.work_clock import OutOfTime
 from ..candidates.candidate_rows import CandidateRows, Places
 from ..goal.criteria import Criterion, Slope
 from ..goal.determinant import Determinant
@@ -73,6 +75,7 @@ def optimal_weights(
     space: Estimable | None = None,
     first: Places | None = None,
     allowed: Callable[[Places], NDArray[np.bool_]] | None = None,
+    between_steps: Callable[[], None] = lambda: None,
     tuning: WeightsTuning = WeightsTuning(),
 ) -> Weights:
     """Find the weights with the best criterion.
@@ -93,20 +96,23 @@ def optimal_weights(
     allowed : callable, optional
         Takes candidates that would have a weight and returns which of them may; the first may. Others are left out, of the bound of
         the optimum too. Default: all may.
+    between_steps : callable, optional
+        Called between steps. What it raises ends the search; with `OutOfTime` the weights so far are returned, if there are any.
     tuning : WeightsTuning, optional
 
     Returns
     -------
     Weights
-        Where the tolerance cannot be reached in double precision, `efficiency` says what was.
+        Where the tolerance cannot be reached in double precision, or in time, `efficiency` says what was.
     """
     space = estimable(candidates.triangle()) if space is None else space
     inner = criterion.within(space)
-    search = _WeightSearch(candidates, inner, space, tolerance, allowed, tuning)
+    search = _WeightSearch(candidates, inner, space, tolerance, allowed, between_steps, tuning)
     if first is None:
         count = min(tuning.first_candidates, len(candidates))
         first = np.sort(np.random.default_rng(seed).choice(len(candidates), count, replace=False))
-    search.run(search.regular(search.unlike(first, np.empty(0, dtype=np.intp), tuning.same)))
+    with suppress(OutOfTime):
+        search.run(search.regular(search.unlike(first, np.empty(0, dtype=np.intp), tuning.same)))
     return search.found()
 
 
@@ -120,9 +126,11 @@ class _WeightSearch:
         space: Estimable,
         tolerance: float,
         allowed: Callable[[Places], NDArray[np.bool_]] | None,
+        between_steps: Callable[[], None],
         tuning: WeightsTuning,
     ) -> None:
-        self.tuning = tuning
+        self.tuning, self.between_steps = tuning, between_steps
+        self.best: _Raw | None = None
         self.candidates, self.criterion, self.space, self.tolerance = candidates, criterion, space, tolerance
         self.allowed, self.excluded = allowed, np.zeros(len(candidates), dtype=bool)
         self.stored, self.places = candidates, np.arange(len(candidates))
@@ -142,7 +150,7 @@ class _WeightSearch:
             self.rounds += 1
             matrices = self.candidates.matrices(working, self.space.into)
             precision = self._precision(gap)
-            weights, slope = best_weights(matrices, self.criterion, precision, tuning)
+            weights, slope = best_weights(matrices, self.criterion, precision, tuning, self.between_steps)
             evaluated = near or _Near(self.stored, self.places)
             along = evaluated.candidates.along(self.space.into @ slope.half)
             along[self.excluded[evaluated.places]] = -np.inf
@@ -263,9 +271,11 @@ class _WeightSearch:
         return along
 
     def found(self) -> Weights:
-        """Few weights, and the sensitivity function of all candidates that bounds any."""
+        """Few weights, and the sensitivity function of all candidates that bounds any; `OutOfTime` where none were found."""
         raw = self.best
-        chosen, weights, information = self._few()
+        if raw is None:
+            raise OutOfTime
+        chosen, weights, information = self._few(raw)
         log_phi = self.criterion.log_phi(information)
         half = self.space.into @ raw.slope.half
         largest = self._largest(half)
@@ -282,9 +292,9 @@ class _WeightSearch:
         efficiency = float(np.exp(min(log_phi - log_bound, 0.0)))
         return Weights(chosen, weights, half, largest, efficiency, log_phi, log_bound, self.space, self.deleted, self.rounds)
 
-    def _few(self) -> tuple[Places, Array, Array]:
+    def _few(self, raw: _Raw) -> tuple[Places, Array, Array]:
         """The candidates of the best weights without those that hardly count, and their information matrix."""
-        raw, lost = self.best, self.tuning.dropped_share * self.tolerance
+        lost = self.tuning.dropped_share * self.tolerance
         matrices = self.candidates.matrices(raw.working, self.space.into)
         least = raw.slope.log_phi - lost
         for smallest in self.tuning.least_weights:
@@ -295,8 +305,8 @@ class _WeightSearch:
             information = mean_of(matrices[some], weights)
             if self.criterion.log_phi(information) < least:
                 try:
-                    weights, _ = best_weights(matrices[some], self.criterion, lost, self.tuning)
-                except np.linalg.LinAlgError:
+                    weights, _ = best_weights(matrices[some], self.criterion, lost, self.tuning, self.between_steps)
+                except (np.linalg.LinAlgError, OutOfTime):
                     continue
                 information = mean_of(matrices[some], weights)
             if self.criterion.log_phi(information) >= least:
