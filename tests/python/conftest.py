@@ -30,6 +30,11 @@ REGION = {
 }
 
 
+def pytest_report_header() -> str:
+    """Which of the long tests are run, so that what fails can be run again."""
+    return f"FISHERPOINT_LONG_TESTS = {os.environ.get('FISHERPOINT_LONG_TESTS', '0/1')}"
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Keep one test in n, those whose name's checksum leaves k, with FISHERPOINT_TEST_SHARE = k/n.
 
