@@ -10,6 +10,7 @@ import copy
 import importlib.util
 import json
 import pickle
+import re
 import subprocess
 import sys
 from functools import cache
@@ -143,3 +144,11 @@ def test_it_is_the_same_when_saved_and_loaded_copied_and_pickled(names: bool, tm
 def test_files_of_results_hold_it() -> None:
     data = json.loads(json.dumps(model_to_json(model(64, "tanh"))))
     assert model_from_json(data) == model(64, "tanh")
+
+
+def test_conditions_are_shown_without_names_that_the_model_has_made() -> None:
+    given = model(54, "tanh")
+    shown = {"cos(pitch)", "p_A6 - p_t_6", "A_A*(length_1 - 1) + V_0A_1"}
+    assert shown <= set(given.domain) and re.search(r"\bd[0-9]", " ".join(given.texts.rates))
+    own = [text for text in given.domain if re.search(r"\bd[0-9]", text)]
+    assert len(own) == 6 and all(text.count("**2") == 3 for text in own)  # squares of lengths, which would be a line each

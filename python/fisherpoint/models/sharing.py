@@ -20,6 +20,8 @@ from .written import WrittenEquations
 
 LONG = 2000
 """Number of characters of a formula from which on parts get names, and the most that formulas have with them."""
+LINE = 150
+"""Number of characters of a condition up to which it is shown without names that the model has made."""
 SHORT = 8
 """Number of characters of a part that is too short for a name."""
 NESTED = 25
@@ -37,10 +39,7 @@ def with_shared_parts(written: WrittenEquations, taken: Collection[str]) -> Shar
     """The equations themselves where all their formulas are short; `taken` are names in use."""
     roots = [one.expression for one in written.all() if one.given is None]
     lengths = dict[Any, int]()
-    for root in roots:
-        for part in parts(root, lengths):
-            lengths[part] = _own_length(part) + sum(lengths[argument] for argument in part.args)
-    if all(lengths[root] <= LONG for root in roots):
+    if all(_length(root, lengths) <= LONG for root in roots):
         return Shared(written, {})
     naming = _Naming(roots, {*taken, *written.definitions})
     return Shared(_with_names(written, naming), naming.named)
@@ -135,6 +134,18 @@ class _Naming:
             self._new[symbol.name] = Written(value)
             self.made[part] = self.named[part] = symbol
             self._before[symbol] = part
+
+
+def is_readable(expression: Any) -> bool:
+    """Whether an expression as text fits about a line."""
+    return _length(expression, {}) <= LINE
+
+
+def _length(expression: Any, lengths: dict[Any, int]) -> int:
+    """About how many characters an expression has as text; `lengths` has the parts of expressions before."""
+    for part in parts(expression, lengths):
+        lengths[part] = _own_length(part) + sum(lengths[argument] for argument in part.args)
+    return lengths[expression]
 
 
 def _own_length(part: Any) -> int:
