@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import fisherpoint as fp
+from fisherpoint.design.runs.run_tables import runs_tables
 
 pytestmark = pytest.mark.kernels
 
@@ -331,6 +332,16 @@ def test_runs_keep_their_rests(tmp_path: Path) -> None:
     assert text[1].endswith(",all,0.6") and text[2].endswith(",,")
     assert fp.Runs.from_csv(tmp_path / "runs.csv", model) == runs
     assert np.array_equal(fp.simulate(model, runs, THETA).x, fp.simulate(model, fp.Runs.join(list(runs)), THETA).x)
+
+
+def test_tables_tell_guesses_from_starts() -> None:
+    def notes(runs: fp.Runs) -> list[str]:
+        (starts,) = (one for one in runs_tables(tanks(), runs, 0) if one.title == "Starts")
+        return list(starts.notes)
+
+    assert notes(drawn(None)) == []
+    assert notes(drawn(REST["b"])) == ["Of b these are guesses: each plant has its own at rest."]
+    assert notes(both())[0].startswith("Of a, b these are guesses")
 
 
 @pytest.mark.parametrize(

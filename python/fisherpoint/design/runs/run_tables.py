@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ...basics.messages import listed
 from ...basics.quantity import names_of
 from ...models import Model
 from ...points.runs import Runs
@@ -49,7 +50,14 @@ def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
         counts = zip(sampled.by_output.sum(axis=(0, 1)).tolist(), names_of(model.outputs), strict=True)
         notes.append(f"Outputs are measured at samples of their own: {', '.join(f'{name} at {count}' for count, name in counts)}.")
     yield from divided(Section("Runs", columns, rows, notes=notes))
-    yield from divided(Section("Starts", ["run", *(f"{q.name} [{q.unit}]" for q in model.states)], starts))
+    states = names_of(model.states)
+    found = {name for rest in sampled.rest[:ROWS] if rest is not None for name in rest.found(states)}
+    guesses = (
+        [f"Of {listed(name for name in states if name in found)} these are guesses: each plant has its own at rest."]
+        if found
+        else []
+    )
+    yield from divided(Section("Starts", ["run", *(f"{q.name} [{q.unit}]" for q in model.states)], starts, notes=guesses))
     if model.inputs:
         yield from divided(_held(model, runs, sampled), keys=2)
 
