@@ -28,7 +28,8 @@ def parts(expression: Any, known: Container[Any] = ()) -> Iterator[Any]:
 
     What is in `known` is left out, with its parts.
     """
-    places: set[int] = set()  # of what was looked at in memory: equal parts are mostly the same, and hashes of floats are slow
+    # What was looked at by its place in memory: equal parts mostly are the same, and hashes of floats are slow.
+    places: dict[int, Any] = {}
     seen: set[Any] = set()
     stack = [expression]
     while stack:
@@ -36,7 +37,7 @@ def parts(expression: Any, known: Container[Any] = ()) -> Iterator[Any]:
         if part is None:  # what is below it is a part whose own parts are done
             yield stack.pop()
         elif id(part) not in places:
-            places.add(id(part))
+            places[id(part)] = part
             if part in seen or part in known:
                 continue
             seen.add(part)
