@@ -204,7 +204,7 @@ def test_a_single_point_and_a_single_candidate() -> None:
 
 def test_an_empty_region_is_an_error_that_counts_the_reason() -> None:
     region = fp.ExperimentRegion(REGION, constraints=["v > 1"])
-    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(constraint \d+\)"):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(\d+ constraint\)"):
         fp.exchange(problem(region=region), **QUICK)
 
 
@@ -212,7 +212,7 @@ def test_an_empty_region_is_an_error_that_counts_the_reason() -> None:
 def test_a_region_in_which_nothing_survives_is_an_error_that_counts_the_reasons(kind: str) -> None:
     region = fp.ExperimentRegion(REGION | {"p_A": (20.95e6, 20.99e6), "v": (-0.25, -0.2), "x_v": (0.5, 0.8), "u": (-1, -0.5)})
     started = time.perf_counter()
-    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(left_domain \d+"):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of \d+ drawn \(\d+ left_domain"):
         fp.exchange(problem(region=region, output_covariance=kind), **QUICK)
     assert time.perf_counter() - started < 10
 

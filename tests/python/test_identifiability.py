@@ -265,7 +265,7 @@ def test_left_out_points_are_counted_and_none_is_an_error() -> None:
     found = fp.identifiability(tanks(TANKS, "k1 k2 k3 k4"), region=narrow, n_points=30)
     assert found.left_out["constraint"] > 30 and found.n_points == 30 and set(found.left_out) == {"constraint"}
     empty = fp.ExperimentRegion({"h1": (0.3, 0.4), "h2": (0.3, 0.4), "u": (0.0, 0.0), "dt": (50.0, 60.0)})
-    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of 2000 drawn \(left_domain 2000\)"):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given 0 of 2000 drawn \(2000 left_domain\)"):
         fp.identifiability(tanks(TANKS, "k1 k2 k3 k4"), region=empty)
 
 

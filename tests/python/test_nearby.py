@@ -169,7 +169,7 @@ def test_points_without_a_trajectory_there_are_counted_and_told() -> None:
     assert evaluated.evaluation.nearby is not None
     assert evaluated.evaluation.nearby.without_trajectory == evaluated.evaluation.nearby.lost == {"left_domain": 1}
     text = " ".join(warnings_of(problem, given))
-    assert "Points have no trajectory where the parameters are 2 standard errors off: left_domain 1." in text
+    assert "Points have no trajectory where the parameters are 2 standard errors off: 1 left_domain." in text
 
 
 def test_previous_points_count_and_are_told_apart() -> None:

@@ -404,7 +404,7 @@ def refused() -> dict[str, tuple[Any, str]]:
         "infinite": (lambda: cut(states={"a": [np.inf] * 100}), r"states\['a'\]: expected finite numbers, or NaN .* given inf"),
         "starts": (
             lambda: cut(record=unknown),
-            "record: expected a window with a measured start and a measured output, given none: start not measured 5",
+            "record: expected a window with a measured start and a measured output, given none: 5 start not measured",
         ),
         "no window": (lambda: some[[]], "pieces: expected at least one window, given none"),
         "index": (lambda: some[[7]], r"pieces: expected indices below 5, or as many flags; given \[7\]"),
@@ -422,11 +422,11 @@ def refused() -> dict[str, tuple[Any, str]]:
         ),
         "near limits": (
             lambda: best(PROBLEM.replace(initial_state_std={"a": 0.5})),
-            r"pieces: expected windows with trajectories that are ok, given none: starts near a = 0 5$",
+            r"pieces: expected windows with trajectories that are ok, given none: 5 starts near a = 0$",
         ),
         "all fail": (
             lambda: best(pieces=fp.pieces(dry, MODEL, length=20)),
-            r"pieces: expected windows with trajectories that are ok, given none: left_domain 5$",
+            r"pieces: expected windows with trajectories that are ok, given none: 5 left_domain$",
         ),
         "criterion": (
             lambda: best(PROBLEM.replace(output_covariance="pooled")),

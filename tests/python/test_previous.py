@@ -151,11 +151,11 @@ def test_previous_points_that_are_none_are_counted() -> None:
     assert design.previous_left_out == {"met_jump": 2, "starts on v = 0": 1}
     assert design.n_previous == len(FIRST)
     same_information(design.evaluation, fp.evaluate(given, design.points, previous=FIRST))
-    with pytest.warns(UserWarning, match=r"previous: expected points that are valid at the prior mean, left out met_jump 1"):
+    with pytest.warns(UserWarning, match=r"previous: expected points that are valid at the prior mean, left out 1 met_jump"):
         fp.evaluate(given, SECOND, previous=jumping)
     text = " ".join(str(design).split())
     assert "3 experiment points beside 10 previous ones" in text
-    assert "previous points left out met_jump 2, starts on v = 0 1" in text
+    assert "previous points left out 2 met_jump, 1 starts on v = 0" in text
 
 
 def test_a_design_is_its_points_and_remembers_how_many_were_before(tmp_path: Path) -> None:

@@ -171,11 +171,11 @@ def test_the_start_deviates_once_and_every_sample_has_noise() -> None:
 def test_a_run_that_fails_is_measured_up_to_there() -> None:
     runs = fp.Runs([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0]], [[1.0] * 4, [1.0, 1.0, -9.0, 1.0], [-9.0, 1.0, 1.0, 1.0]], 0.4)
     one = rig(seed=1)
-    with pytest.warns(RuntimeWarning, match="2 of 3 runs are not measured to their ends: left_domain 2"):
+    with pytest.warns(RuntimeWarning, match="2 of 3 runs are not measured to their ends: 2 left_domain"):
         data = one.measure(runs)
     assert np.isfinite(data.y).all(axis=2).tolist() == [[True] * 4, [True, True, False, False], [False] * 4]
     assert dict(one.failures) == {"left_domain": 2}
-    with pytest.raises(ValueError, match="expected at least one whose trajectory reaches a sample, given none: left_domain 1"):
+    with pytest.raises(ValueError, match="expected at least one whose trajectory reaches a sample, given none: 1 left_domain"):
         one.measure(runs[2])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import islice
 from pathlib import Path
 from types import FrameType
@@ -39,6 +39,11 @@ def listed(names: Iterable[Any], none: str = "none") -> str:
     names = list(names)
     first = ", ".join(shortened(name) for name in islice(names, LISTED))
     return f"{first} and {len(names) - LISTED:,} more" if len(names) > LISTED else first or none
+
+
+def with_counts(counts: Mapping[Any, int]) -> str:
+    """Reasons, each behind how often it occurred: 2 met_jump, 1 starts on v = 0."""
+    return ", ".join(f"{count} {reason}" for reason, count in counts.items())
 
 
 def shortened(text: object, most: int = SHOWN) -> str:

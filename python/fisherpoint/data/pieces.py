@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..basics.checks import as_index, as_numbers, as_positive, by_name, check_positive_int, check_type
-from ..basics.messages import shown
+from ..basics.messages import shown, with_counts
 from ..basics.quantity import names_of
 from ..basics.values import Array, FrozenMapping
 from ..models import Model
@@ -80,7 +80,7 @@ class Pieces:
             kept &= ~there
         left_out = FrozenMapping({reason: count for reason, count in counts.items() if count})
         if not kept.any():
-            listed = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+            listed = with_counts(left_out)
             raise ValueError(f"record: expected a window with a measured start and a measured output, given none: {listed}")
         return first[kept], left_out
 

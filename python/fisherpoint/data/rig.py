@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..basics.checks import as_std_or_zero, by_name, check_positive_int, check_type
+from ..basics.messages import with_counts
 from ..basics.quantity import names_of
 from ..basics.values import FrozenMapping
 from ..models import Model
@@ -119,7 +120,7 @@ class VirtualRig:
         there = runs.readings & (completed & (done.status != Status.not_finite)[:, None])[:, :, None]
         counts = failures_of(done.status)
         self._failures += counts
-        reasons = ", ".join(f"{name} {count}" for name, count in counts.items())
+        reasons = with_counts(counts)
         if not there.any():
             given = reasons or f"no {points.kind}s"
             raise ValueError(f"points: expected at least one whose trajectory reaches a sample, given none: {given}")

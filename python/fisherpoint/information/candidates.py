@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basics.messages import listed
+from ..basics.messages import listed, with_counts
 from ..basics.quantity import names_of
 from ..basics.values import Array, IntArray
 from ..basics.work_clock import LANES, Clock, OutOfTime
@@ -279,7 +279,7 @@ class CandidateSource:
         return otherwise
 
     def _since(self, before: Counter[str]) -> str:
-        return ", ".join(f"{reason} {n}" for reason, n in (self.rejected - before).most_common())
+        return with_counts(dict((self.rejected - before).most_common()))
 
 
 def surviving(

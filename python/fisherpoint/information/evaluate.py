@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 from ..basics.checks import check_flag, check_type
+from ..basics.messages import with_counts
 from ..basics.values import Array
 from ..basics.work_clock import Clock
 from ..points.points_or_runs import Points, as_runs
@@ -64,7 +65,7 @@ def evaluate(
         raise ValueError(f"prior_information: expected output_covariance 'noise', under which F is information, given {kind!r}")
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
-        reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+        reasons = with_counts(left_out)
         warnings.warn(f"previous: expected points that are valid at the prior mean, left out {reasons}", stacklevel=2)
     return evaluate_beside(problem, runs, threads, known, parameter_rows(problem) if prior_information else None)
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..basics.checks import check_positive_int, check_type, names_among, some_names_among
 from ..basics.extras import needed_for
 from ..basics.field_checks import Extents
+from ..basics.messages import with_counts
 from ..basics.quantity import names_of
 from ..basics.result_files import Kept
 from ..basics.values import Array, FrozenMapping
@@ -151,7 +152,7 @@ class Identifiability(Shown, Kept):
         shares = self.singular_values / np.maximum(self.singular_values[:, :1], 1e-300)
         best = self.singular_values[np.argmax(shares[:, max(self.rank, 1) - 1])]
         rows.append(("singular", " ".join(f"{value:.2g}" for value in best)))
-        lost = ", ".join(f"{reason} {count}" for reason, count in self.left_out.items())
+        lost = with_counts(self.left_out)
         rows.append(("from", f"{self.n_points} points at {self.n_theta} theta{f'; left out: {lost}' if lost else ''}"))
         return rows
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..basics.messages import with_counts
 from ..basics.quantity import names_of
 from ..basics.values import Array
 from ..models import Model
@@ -112,7 +113,7 @@ class Sampler:
         while lacking := [i for i, of in enumerate(drawn) if of.found < count]:
             if any(drawn[i].tried >= MAX_ROUNDS * count for i in lacking):
                 self._count_inaccurate(drawn)
-                reasons = ", ".join(f"{reason} {n}" for reason, n in self.left_out.most_common())
+                reasons = with_counts(dict(self.left_out.most_common()))
                 found, tried = sum(of.found for of in drawn), sum(of.tried for of in drawn)
                 raise ValueError(f"region: expected valid points, given {found} of {tried} drawn ({reasons})")
             wanted = [min(count, 2 * (count - drawn[i].found)) for i in lacking]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...basics.checks import as_positive, check_positive_int, check_type
+from ...basics.messages import with_counts
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import FrozenMapping
@@ -142,7 +143,7 @@ def approximate_design(
                 given = Experiments.join([given, *_searched(problem, seed, distributor, scenarios, report)])
         rows, places = source.valid(given)
         if not len(rows):
-            refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
+            refused_text = with_counts(source.rejected)
             raise ValueError(f"candidates: expected valid points, given none: {refused_text or 'no points at all'}")
         points, pool = given[places], CandidateRows(rows, constant)
         spaces = [estimable(part.triangle()) for part in pool.parts]

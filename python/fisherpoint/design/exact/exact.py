@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...basics.checks import as_positive, check_positive_int, check_type
+from ...basics.messages import with_counts
 from ...basics.options import with_options
 from ...basics.values import FrozenMapping
 from ...information.combinations import combinations
@@ -104,7 +105,7 @@ def exact_design(
     source = PointRows(problem, threads)
     rows, places = source.valid(candidates) if len(candidates) else (np.empty((0, 1, 1)), np.empty(0, dtype=np.intp))
     if not len(rows):
-        refused_text = ", ".join(f"{reason} {count}" for reason, count in source.rejected.items())
+        refused_text = with_counts(source.rejected)
         raise ValueError(f"candidates: expected valid points, given none: {refused_text or 'no points at all'}")
     pool = CandidateRows(rows, known / n if known.any() else None)
     space = estimable(pool.triangle())

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...basics.checks import check_positive_int, check_type
+from ...basics.messages import with_counts
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
@@ -87,7 +88,7 @@ def design_pieces(
     with following(progress, "picking pieces", "weighing all windows", counted=False) as heard:
         information = piece_information(problem, pieces, threads)
         if not len(information.rows):
-            reasons = ", ".join(f"{reason} {lost}" for reason, lost in information.left_out.items())
+            reasons = with_counts(information.left_out)
             raise ValueError(f"pieces: expected windows with trajectories that are ok, given none: {reasons}")
         windows = Windows(pieces.first[information.rows], pieces.length)
         _refuse_more(count, windows)

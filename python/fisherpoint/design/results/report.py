@@ -10,6 +10,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from ...basics.messages import with_counts
 from ...basics.quantity import Quantity
 from ...basics.stop_reason import StopReason
 from ...information.evaluation import WITH_PRIOR, value_of_criterion
@@ -291,7 +292,7 @@ def _search(design: FoundDesign) -> Section:
     facts += ridge_facts(design.ridge)
     facts += left_out_facts(design.left_out)
     if design.previous_left_out:
-        lost = ", ".join(f"{reason} {count}" for reason, count in design.previous_left_out.items())
+        lost = with_counts(design.previous_left_out)
         facts.append(("previous points left out", f"{lost}: not valid at the prior mean, not used"))
     return Section("Search", (), facts, notes=[design.stop_reason.advice])
 
@@ -370,7 +371,7 @@ def _nearby_warnings(evaluated: EvaluatedPoints, nearby: Nearby) -> Iterator[str
             f"help: {ways}."
         )
     if nearby.without_trajectory:
-        lost = ", ".join(f"{name} {count}" for name, count in nearby.without_trajectory.items())
+        lost = with_counts(nearby.without_trajectory)
         advice = " ".join(Status[name].advice for name in nearby.without_trajectory)
         yield (
             f"Points have no trajectory where the parameters are {DISTANCE:g} standard errors off: {lost}. {advice} "

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...basics.checks import check_type
-from ...basics.messages import listed, stacklevel_of_user
+from ...basics.messages import listed, stacklevel_of_user, with_counts
 from ...basics.options import with_options
 from ...basics.stop_reason import StopReason
 from ...basics.values import Array, FrozenMapping
@@ -133,7 +133,7 @@ def design_runs(
     theta = np.array([moved.theta for moved in problems])
     known, left_out = previous_information(problem, previous, threads)
     if left_out:
-        reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.items())
+        reasons = with_counts(left_out)
         warnings.warn(f"previous: expected what is valid at the prior mean, left out {reasons}", stacklevel=stacklevel_of_user())
     beside = [
         known if known is None or moved is problem else previous_information(moved, previous, threads)[0] for moved in problems

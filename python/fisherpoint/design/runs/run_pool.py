@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...basics.messages import with_counts
 from ...basics.values import Array
 from ...basics.work_clock import OutOfTime
 from ...information.null_space import information_without_rounding, null_directions
@@ -74,8 +75,9 @@ class RunPool:
                 raise
             self.interrupted = isinstance(error, KeyboardInterrupt)
         if not self._parts:
+            reasons = with_counts(dict(self.rejected.most_common()))
             raise ValueError(
-                f"region: expected runs that reach their ends, given none of {self.drawn} drawn ({_listed(self.rejected)}), and "
+                f"region: expected runs that reach their ends, given none of {self.drawn} drawn ({reasons}), and "
                 "none of held inputs: begin further inside the limits that are named, make runs shorter, or widen the limits"
             )
         self._z, self._judged = np.concatenate([z for z, _ in self._parts]), Judged.join([judged for _, judged in self._parts])
@@ -226,7 +228,3 @@ def determine_all(information: Array) -> bool:
     """Whether matrices (R, p, p) are regular, up to rounding."""
     size = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-300))
     return bool(np.linalg.eigvalsh(information / size[:, :, None] / size[:, None, :]).min() > SINGULAR)
-
-
-def _listed(rejected: Mapping[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in Counter(rejected).most_common())

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...basics.messages import with_counts
 from ...basics.quantity import names_of
 from ...information.evaluation import Evaluation
 from ...information.problem import DesignProblem
@@ -111,7 +112,7 @@ def _search(design: FoundRuns) -> Section:
     others = sorted((end for end in design.ends if np.isfinite(end)), reverse=True)
     values = ", ".join(computed(end, 5) for end in others[:8]) + (" ..." if len(others) > 8 else "")
     why = sorted(design.rejected.items(), key=lambda one: -one[1])[:REASONS]
-    notes = [f"Those that do not: {', '.join(f'{reason} {count}' for reason, count in why)}."] if why else []
+    notes = [f"Those that do not: {with_counts(dict(why))}."] if why else []
     note = f"Starts ended, or were left behind, at {design.settings.goal.maximised} = {values}."
     if len(others) < len(design.ends):
         note += f" {len(design.ends) - len(others)} ended at runs that touch a surface at the problem's tolerance."
