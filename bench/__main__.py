@@ -9,7 +9,7 @@
 ``python -m bench strokes`` looks for runs within limits from five seeds, and exits with 1 where one is not good;
 ``python -m bench.residuals`` counts fits that hear of noise with a memory;
 ``python -m bench.noise_promises`` shows whether designs keep what they promise under noise of every kind;
-``python -m bench.budgets`` shows whether limits of time hold, and ``python -m bench.starts`` which fits come to the truth from afar;
+``python -m bench.budgets`` shows whether limits of time hold, and ``python -m bench.starts`` which fits from afar are right;
 ``python -m bench pieces`` picks the best windows of a log of a million samples;
 ``python -m bench approximate`` finds optimal weights of a million candidates;
 ``python -m bench exact`` finds the best designs of given candidates with their proofs;
