@@ -89,7 +89,7 @@ def saved_cases() -> dict[str, Saved]:
         fp.Runs(np.array([[1.0, 0.7]]), u, np.full(u.shape, 0.1), np.ones(u.shape, bool))
     )
     t = np.linspace(0.0, 4.0, 41)
-    record = fp.Record(t, np.append(u[0], 0.3)[:, None], np.vstack([[1.0, 0.7], long.y[0]])[:, ::-1], x0={"a": 1.0, "b": 0.7})
+    record = fp.Record(t, np.append(u[0], 0.3)[:, None], np.vstack([[0.7, 1.0], long.y[0]]), x0={"a": 1.0, "b": 0.7})
 
     candidates = one.region.draw(one.model, 8, seed=0)
     pieces = fp.design_pieces(problem(), fp.pieces(record, one.model, length=5), 2)
