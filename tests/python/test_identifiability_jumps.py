@@ -69,7 +69,7 @@ def test_points_may_start_at_rest(unknown_start: list[str]) -> None:
     rest = fp.ExperimentRegion(REGION | {"v": (0.0, 0.0), "x_v": (0.0, 0.0)})
     found = fp.identifiability(MODEL, PRIOR, rest, n_theta=2, unknown_start=unknown_start)
     assert found.identifiable and "starts on a surface" not in found.left_out
-    with pytest.raises(ValueError, match=r"region: expected valid points, given \d+ of 2000 drawn \(on_jump "):
+    with pytest.raises(ValueError, match=r"region: expected valid points, given \d+ of 2000 drawn \(\d+ on_jump"):
         fp.identifiability(MODEL, PRIOR, rest, unknown_start=["v"])
 
 

@@ -55,7 +55,7 @@ def test_limits_of_swings_levels_and_rests_are_kept(make: Callable[[], fp.Design
 
 def test_a_limit_that_no_run_keeps_is_named() -> None:
     problem = cart(0.5, segments=6).replace(along=["x > 1"])
-    with pytest.raises(ValueError, match=r"none of \d+ drawn \(left_domain: x > 1 at the start \d+\).*or widen the limits"):
+    with pytest.raises(ValueError, match=r"none of \d+ drawn \(\d+ left_domain: x > 1 at the start\).*or widen the limits"):
         fp.design_runs(problem, **FEW)
 
 
