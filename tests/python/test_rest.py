@@ -340,8 +340,8 @@ def test_tables_tell_guesses_from_starts() -> None:
         return list(starts.notes)
 
     assert notes(drawn(None)) == []
-    assert notes(drawn(REST["b"])) == ["Of b these are guesses: each plant has its own at rest."]
-    assert notes(both())[0].startswith("Of a, b these are guesses")
+    assert notes(drawn(REST["b"])) == ["Guesses of b: each plant starts at its own rest."]
+    assert notes(both())[0].startswith("Guesses of a, b:")
 
 
 @pytest.mark.parametrize(

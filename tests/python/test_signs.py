@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy
 
-from fisherpoint.models.tape.parts import called, remade
+from fisherpoint.models.tape.parts import evaluated, remade
 from fisherpoint.models.tape.signs import is_nonnegative, is_nonzero, is_positive
 
 X, Y, Z = sympy.symbols("x y z", real=True)
@@ -50,7 +50,7 @@ def test_odd_functions_take_sums_and_products_as_sympy_does() -> None:
     arguments = [X + Y, -X - Y, (X - Y) * Z, -X * Y, X / D, 2 * A, A - A, sympy.Integer(2), sympy.sqrt(2) + 1, X, -X, sympy.S.Zero]
     arguments += [sympy.tanh(X), sympy.atanh(X), sympy.asinh(Y), sympy.Float(0.5), sympy.pi / 4, sympy.pi - 3]
     for function, argument in itertools.product((sympy.tanh, sympy.sinh, sympy.atan, sympy.asinh, sympy.sin, sympy.exp), arguments):
-        assert called(function, argument) == function(argument), (function, argument)
+        assert evaluated(function, argument) == function(argument), (function, argument)
 
 
 def test_a_product_with_zero_is_zero_unless_a_factor_is_not_finite() -> None:

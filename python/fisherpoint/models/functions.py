@@ -20,7 +20,7 @@ from ..basics.function_table import FUNCTIONS as ONE_ARGUMENT
 from ..basics.messages import shown
 from .tape.delay import delayed
 from .tape.latch import as_condition, latched
-from .tape.parts import called, check_size
+from .tape.parts import check_size, evaluated
 from .terms import Term, applied, as_term, chosen
 
 
@@ -89,7 +89,7 @@ def _of_terms(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         if not least <= len(arguments) <= most:
             expected = least if least == most else f"{least} to {most}"
             raise TypeError(f"{name}: expected {expected} arguments, given {len(arguments)}")
-        return _as_given(applied(partial(called, function), *(_term(argument, name) for argument in arguments)), *arguments)
+        return _as_given(applied(partial(evaluated, function), *(_term(argument, name) for argument in arguments)), *arguments)
 
     of_terms.__name__, of_terms.__doc__ = name, function.__doc__
     return of_terms

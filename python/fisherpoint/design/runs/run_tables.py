@@ -53,9 +53,7 @@ def runs_tables(model: Model, runs: Runs, n_kept: int) -> Iterator[Section]:
     states = names_of(model.states)
     found = {name for rest in sampled.rest[:ROWS] if rest is not None for name in rest.found(states)}
     guesses = (
-        [f"Of {listed(name for name in states if name in found)} these are guesses: each plant has its own at rest."]
-        if found
-        else []
+        [f"Guesses of {listed(name for name in states if name in found)}: each plant starts at its own rest."] if found else []
     )
     yield from divided(Section("Starts", ["run", *(f"{q.name} [{q.unit}]" for q in model.states)], starts, notes=guesses))
     if model.inputs:

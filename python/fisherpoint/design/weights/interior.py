@@ -27,7 +27,8 @@ def best_weights(
 ) -> tuple[Array, Slope]:
     """Weights (m,) of matrices (m, p, p) with a regular mean, such that max_i tr(G F_i) <= 1 + gap; and the derivatives.
 
-    Where rounding keeps the gap from being reached, the best weights that were met.
+    Where rounding keeps the gap from being reached, the best weights that were met. `between_steps` is called before each step;
+    what it raises ends the method.
     """
     w = _multiplied(matrices, criterion, tuning)
     inner = inner_of(criterion, matrices, w)

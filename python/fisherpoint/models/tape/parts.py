@@ -1,4 +1,4 @@
-"""Walks through SymPy expressions that look at each part once: what stands in them, and the same with parts exchanged.
+"""Walks through SymPy expressions that look at each part once: what stands in them, and the same with parts exchanged, made anew.
 
 SymPy itself looks at a part as often as it occurs, and goes down by recursion. It takes 1.0 for another number than 1, so that
 whole numbers are Integers here, however they were written.
@@ -79,10 +79,10 @@ def remade(part: Any, args: Sequence[Any]) -> Any:
         return part.func(*args, evaluate=False)
     if isinstance(part, Relational):
         return compared(part.func, *args)
-    return _unchanged(part.func, *args) if isinstance(part, ExprCondPair | sympy.Piecewise) else called(part.func, *args)
+    return _unchanged(part.func, *args) if isinstance(part, ExprCondPair | sympy.Piecewise) else evaluated(part.func, *args)
 
 
-def called(function: Callable[..., Any], *args: Any) -> Any:
+def evaluated(function: Callable[..., Any], *args: Any) -> Any:
     """The value of a function of SymPy; odd ones do not ask at length whether a sum or a product is zero everywhere."""
     if function in _ODD and isinstance(args[0], sympy.Add | sympy.Mul) and not args[0].is_number:
         return function(*args, evaluate=bool(args[0].could_extract_minus_sign()))
