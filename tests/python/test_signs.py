@@ -23,11 +23,11 @@ def drawn(rng: np.random.Generator, depth: int) -> Any:
     if depth == 0 or rng.random() < 0.15:
         leaves = (X, Y, Z, A, D, *NUMBERS)
         return leaves[rng.integers(len(leaves))]
-    kind = rng.integers(8)
     a, b = drawn(rng, depth - 1), drawn(rng, depth - 1)
     made = [lambda: a + b, lambda: a - b, lambda: a * b, lambda: a**2, lambda: sympy.Abs(a), lambda: sympy.exp(a)]
     made += [lambda: a**4 + b**2, lambda: a**2 * sympy.Rational(1, 2) + 1]
-    return made[kind]()
+    made += [lambda: a * b * (a + X), lambda: (a - b) * (X + 1) - b, lambda: sympy.sign(a) * b]
+    return made[rng.integers(len(made))]()
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -38,6 +38,7 @@ def test_signs_are_those_of_sympy(seed: int) -> None:
         assert is_positive(expression) == bool(expression.is_positive), expression
         assert is_nonzero(expression) == bool(expression.is_nonzero), expression
         assert is_nonnegative(expression) == bool(expression.is_nonnegative), expression
+        assert evaluated(sympy.sign, expression) == sympy.sign(expression), expression
 
 
 def test_even_powers_of_what_has_a_value_are_not_negative() -> None:

@@ -161,7 +161,7 @@ class WrittenOut:
         return self._made(expression, place) if self._terms else expression
 
     def _made(self, expression: Any, place: str) -> Any:
-        for part in parts(expression, self._terms):
+        for part in parts(expression, known=self._terms):
             self._terms[part] = self._term(part)
         made = self._terms[expression]._sympy_()
         check_size(made, place, self._depths)

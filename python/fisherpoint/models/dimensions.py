@@ -120,7 +120,7 @@ class _Check:
         self.units, self.known, self.celsius, self.findings = units, known, celsius, list[str]()
 
     def unit_of(self, expression: Any) -> Unit:
-        for part in parts(expression, self.known):
+        for part in parts(expression, known=self.known):
             self.known[part] = self._unit(part)
         return self.known[expression]
 

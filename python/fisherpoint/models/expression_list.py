@@ -32,7 +32,7 @@ class ExpressionList:
 
     def place_of(self, expression: Any) -> int:
         """The place of an expression, whose parts are added where they are not there; values of definitions are."""
-        for part in parts(expression, self._places):
+        for part in parts(expression, known=self._places):
             if isinstance(part, Definition):
                 entry: Any = None, part.name, self._places[part.value]
             else:

@@ -102,7 +102,7 @@ class Doubles:
         """
         valued = rebuilt(expression, lambda part, now: _number(part, place) if _is_number(part) else now, self._valued)
         rounded = rebuilt(valued, lambda _, now: with_exact_numbers(now), self._exact)
-        for part in parts(rounded, self._checked):
+        for part in parts(rounded, known=self._checked):
             if part.is_Number:
                 _number(part, place)
             if part.is_Pow and part.exp.is_Number and abs(part.exp) > MAX_EXPONENT:

@@ -104,7 +104,7 @@ def read_equations(model: DescribedModel, given: GivenEquations) -> ReadEquation
     equations = replace(equations, along=limits_of(model.along, values, model.offsets, moving))
     _check(model, equations, written, moving.union(clocks.values()))
     delays, plain = without_delays(equations, *places, clocks)
-    read = set().union(*map(symbols_of, (*plain.rates, *plain.output, *plain.conditions, *plain.values_anew())))
+    read = symbols_of(*plain.rates, *plain.output, *plain.conditions, *plain.values_anew())
     return ReadEquations(written, written_out, plain, delays, next((clock for clock in clocks.values() if clock in read), None))
 
 

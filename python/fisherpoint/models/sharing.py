@@ -73,14 +73,14 @@ class _Naming:
         self._new: dict[str, Written] = {}
         everything: dict[Any, None] = {}
         for root in roots:
-            everything |= dict.fromkeys(parts(root, everything))
+            everything |= dict.fromkeys(parts(root, known=everything))
         self._uses = Counter(roots)
         self._uses.update(argument for part in everything for argument in part.args)
         # The conditions of a latch, and what is 1 where a condition holds, are printed as conditions.
         self._unnamed = {argument for part in everything if isinstance(part, Latch) for argument in part.args}
 
     def __call__(self, expression: Any) -> Any:
-        for part in parts(expression, self.made):
+        for part in parts(expression, known=self.made):
             self._add(part)
         return self.made[expression]
 
@@ -143,7 +143,7 @@ def is_readable(expression: Any) -> bool:
 
 def _length(expression: Any, lengths: dict[Any, int]) -> int:
     """About how many characters an expression has as text; `lengths` has the parts of expressions before."""
-    for part in parts(expression, lengths):
+    for part in parts(expression, known=lengths):
         lengths[part] = _own_length(part) + sum(lengths[argument] for argument in part.args)
     return lengths[expression]
 

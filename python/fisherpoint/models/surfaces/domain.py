@@ -104,7 +104,7 @@ class Domain:
         """Add the limits of an expression; `origin` maps its parts to how they were written; `measured`: it is one of g."""
         if measured != self._measured:
             self._measured, self._visited = measured, set()
-        for part in parts(expression, self._limited):
+        for part in parts(expression, known=self._limited):
             self._limited[part] = bool(limits_of(part, {})) or any(self._limited[argument] for argument in part.args)
         stack: list[tuple[Any, Guards]] = [(expression, ())]
         while stack:

@@ -7,6 +7,7 @@ value. Branches go by the real part.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from functools import reduce
 from typing import Any
 
@@ -34,10 +35,22 @@ class Evaluator:
         self._steps: list[tuple[Callable[..., Any], tuple[int, ...]]] = []
         self._numbers: dict[int, Any] = {}
         self.symbols: list[Any] = []
-        for expression in expressions:
-            for part in parts(expression, self._places):
-                self._add(part)
+        for part in parts(*expressions):
+            self._add(part)
         self._results = [self._places[expression] for expression in expressions]
+        self._needed: Sequence[int] = range(len(self._steps))
+
+    def only(self, expressions: Sequence[Any]) -> Evaluator:
+        """Of some of the expressions, or parts of them."""
+        made = copy(self)
+        made._results = [self._places[expression] for expression in expressions]
+        needed = set(made._results)
+        for place in reversed(self._needed):  # operands come before what is computed of them
+            if place in needed:
+                needed.update(self._steps[place][1])
+        made._needed = sorted(needed)
+        made.symbols = [symbol for symbol in self.symbols if self._places[symbol] in needed]
+        return made
 
     def _add(self, part: Any) -> None:
         place = self._places[part] = len(self._steps)
@@ -64,8 +77,9 @@ class Evaluator:
         for place, number in self._numbers.items():
             found[place] = number
         with np.errstate(all="ignore"):
-            for place, (function, operands) in enumerate(self._steps):
+            for place in self._needed:
                 if found[place] is None:
+                    function, operands = self._steps[place]
                     found[place] = function(*[found[operand] for operand in operands])
         return [found[place] for place in self._results]
 

@@ -88,7 +88,8 @@ class _Judge:
 
     @cached_property
     def points(self) -> RealPoints:
-        return RealPoints(self.branches, self.states, self.numbers, self.positive, self.conditions)
+        expressions = [expression for expression, _ in self.everything]
+        return RealPoints(expressions, self.branches, self.states, self.numbers, self.positive, self.conditions)
 
     @cached_property
     def signs(self) -> dict[Any, int]:
@@ -103,7 +104,8 @@ class _Judge:
 
     def moves_others(self, surface: Surface) -> bool:
         """Whether another surface may jump there. What reads the side by min, max or abs alone does not."""
-        return self._jump(surface, [expression for expression in self.surfaces.values() if reads(expression, {surface.side})])
+        of_surfaces = self.everything[-len(self.surfaces) :]
+        return self._jump(surface, [expression for expression, symbols in of_surfaces if surface.side in symbols])
 
     def _jump(self, surface: Surface, reading: Sequence[Any]) -> bool:
         held = {**self.numbers, **self.seamless, self.sides[surface.side]: sympy.S.One}
@@ -317,7 +319,7 @@ def _in_order(symbols: Sequence[Any], expression: Any) -> list[Any]:
 
 def _dummies(pairs: Pairs, expression: Any) -> list[Any]:
     """Symbols for sides and outcomes, in the order in which they were made."""
-    read = symbols_of(expression).union(*(symbols_of(side) for pair in pairs for side in pair))
+    read = symbols_of(expression, *(side for pair in pairs for side in pair))
     return sorted((symbol for symbol in read if isinstance(symbol, sympy.Dummy)), key=lambda symbol: symbol.dummy_index)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import sympy
 
 from ..tape.latch import Latch, condition_of, holds
-from ..tape.parts import contains, rebuilt
+from ..tape.parts import contain, rebuilt
 from ..tape.reset import Reset
 
 
@@ -55,7 +55,7 @@ def _true_where(of: Any) -> Any:
 
 def has_latch(expression: Any) -> bool:
     """Whether a latch stands in an expression."""
-    return contains(expression, Latch)
+    return contain([expression], Latch)
 
 
 def remembered(resets: Sequence[Reset], memory: Memory) -> tuple[Reset, ...]:

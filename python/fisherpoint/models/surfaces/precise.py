@@ -62,7 +62,7 @@ class Calculation:
         self._results: list[int] = []
         self.floats: list[int] = []
         for expression in expressions:
-            for part in parts(expression, self._places):
+            for part in parts(expression, known=self._places):
                 self._add(part)
             self._results.append(self._places[expression])
 

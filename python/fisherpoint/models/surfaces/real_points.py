@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ...basics.values import Array
-from ..tape.parts import symbols_of
 from .branches import Branches, Surface
 from .evaluate import Evaluator
 
@@ -20,6 +19,8 @@ _POINTS = 24
 """How many points are looked for."""
 _ENOUGH = 3
 """At how many of them, and at least half of those where values differ at all, the differences are steady where there is a jump."""
+_FACTORS = np.array([[0.0], [1.0], [2.0]])
+"""By which a state is multiplied, to see whether a surface is a straight line in it."""
 _STEPS, _AT_REST = 40, 1e-14
 _ASIDE = 1e-7
 """By how much of itself every number is changed: differences that are rounding, or vanish on the surface, change with it."""
@@ -31,6 +32,8 @@ class RealPoints:
 
     Parameters
     ----------
+    expressions : sequence of sympy.Expr
+        Those that may jump.
     branches : Branches
     states : sequence of sympy.Symbol
     numbers : mapping of sympy.Symbol to number
@@ -43,24 +46,27 @@ class RealPoints:
 
     def __init__(
         self,
+        expressions: Sequence[Any],
         branches: Branches,
         states: Sequence[Any],
         numbers: Mapping[Any, Any],
         positive: Collection[Any],
         conditions: Sequence[Any],
     ) -> None:
-        self._conditions = Evaluator(conditions)
         self._surfaces, self._states, self._positive = branches.surfaces, states, positive
+        of_surfaces = [one.expression for one in self._surfaces]
+        self._all = Evaluator([*expressions, *conditions, *of_surfaces])
+        self._conditions, self._on_surfaces = self._all.only(conditions), self._all.only([*conditions, *of_surfaces])
+        self._heights = {one: self._all.only([one.expression]) for one in self._surfaces}
         self._seconds = {side: second for second, side in branches.seamless.items()}
-        self._others = [(one, Evaluator([one.expression])) for one in self._surfaces]
-        self._evaluations: dict[Surface, Evaluator] = {}
         self._numbers = {symbol: np.full(_POINTS, float(value)) for symbol, value in numbers.items()}
 
     @np.errstate(all="ignore")
     def jumps(self, surface: Surface, reading: Sequence[Any]) -> bool:
         """Whether one of the expressions that read the surface's side is found to differ between both sides."""
         rng = np.random.default_rng(0)
-        read = set(self._conditions.symbols).union(*map(symbols_of, (*reading, *(one.expression for one in self._surfaces))))
+        of = self._all.only(reading)
+        read = {*of.symbols, *self._on_surfaces.symbols}
         sides = {one.side for one in self._surfaces} | set(self._seconds.values())
         values = dict(self._numbers)
         for symbol in sorted(read - sides - values.keys(), key=str):
@@ -76,11 +82,11 @@ class RealPoints:
                 one: at if one in self._numbers else at * (1 + _ASIDE * rng.choice([-1, 1], _POINTS)) for one, at in on.items()
             }
             aside[unknown] = root + _ASIDE * values[unknown]
-            differences, sizes = self._differences(surface, reading, on)
+            differences, sizes = self._differences(surface, of, on)
             different = found & (np.abs(differences) > _DIFFERENT * sizes)
             if not (different.sum(axis=1) >= _ENOUGH).any():
                 continue
-            changes = np.abs(self._differences(surface, reading, aside)[0] - differences)
+            changes = np.abs(self._differences(surface, of, aside)[0] - differences)
             steady = changes < _STEADY * np.abs(differences)
             proved = (different & steady).sum(axis=1)
             if bool(((proved >= _ENOUGH) & (2 * proved >= different.sum(axis=1))).any()):
@@ -98,18 +104,17 @@ class RealPoints:
 
     def _height(self, surface: Surface) -> Callable[[Mapping[Any, Array]], Array]:
         """What is zero on the surface, by values of symbols; sides that it reads are those at the point."""
-        read = symbols_of(surface.expression)
+        read = set(self._heights[surface].symbols)
         before: list[Surface] = []
         for one in reversed(self._surfaces[: self._surfaces.index(surface)]):
             if not read.isdisjoint({one.side, self._seconds[one.side]}):
-                read |= symbols_of(one.expression)
+                read.update(self._heights[one].symbols)
                 before.insert(0, one)
-        expressions = [(one, Evaluator([one.expression])) for one in (*before, surface)]
 
         def height(values: Mapping[Any, Array]) -> Array:
             known = dict(values)
-            for one, of in expressions:
-                found = np.broadcast_to(of(known)[0], _POINTS)
+            for one in (*before, surface):
+                found = np.asarray(self._heights[one](known)[0])
                 self._set(known, one, _sign(found))
             return found
 
@@ -117,15 +122,16 @@ class RealPoints:
 
     def _unknowns(self, surface: Surface, height: Callable[..., Array], values: Mapping[Any, Array]) -> list[Any]:
         """Two states to be solved for, first those in which the surface is a straight line."""
-        states = [state for state in self._states if state in symbols_of(surface.expression)]
+        read = set(self._heights[surface].symbols)
 
         def bent(state: Any) -> bool:
-            low, middle, high = (height({**values, state: values[state] * factor}) for factor in (0.0, 1.0, 2.0))
+            along = height({**values, state: values[state] * _FACTORS})
+            low, middle, high = np.broadcast_to(along, (len(_FACTORS), _POINTS))
             size = np.maximum(np.abs(low), np.abs(high))
             seen = np.abs(high - low) > _DIFFERENT * size
             return not (seen.any() and (np.abs(low + high - 2 * middle) <= _STRAIGHT * size)[seen].all())
 
-        return sorted(states, key=bent)[:2]
+        return sorted((state for state in self._states if state in read), key=bent)[:2]
 
     def _root(self, height: Callable[..., Array], values: Mapping[Any, Array], unknown: Any) -> tuple[Array, Any]:
         """Values of the unknown for which the surface is zero, by secants, and where they are found."""
@@ -143,18 +149,15 @@ class RealPoints:
     def _set(self, known: dict[Any, Any], surface: Surface, side: Array, second: Array | None = None) -> None:
         known[surface.side], known[self._seconds[surface.side]] = side, side if second is None else second
 
-    def _differences(self, surface: Surface, reading: Sequence[Any], values: Mapping[Any, Array]) -> tuple[Array, Array]:
+    def _differences(self, surface: Surface, of: Evaluator, values: Mapping[Any, Array]) -> tuple[Array, Array]:
         """Differences of expressions between both sides of the surface, and their sizes; other sides are those at the point."""
-        if surface not in self._evaluations:
-            self._evaluations[surface] = Evaluator(reading)
-        of = self._evaluations[surface]
         sides = []
         for sign in (1.0, -1.0):
             known = dict(values)
             self._set(known, surface, np.full(_POINTS, sign), np.ones(_POINTS))
-            for one, at in self._others:
+            for one, height in self._heights.items():
                 if one is not surface:
-                    self._set(known, one, _sign(np.broadcast_to(at(known)[0], _POINTS)))
+                    self._set(known, one, _sign(np.broadcast_to(height(known)[0], _POINTS)))
             sides.append(np.array([np.broadcast_to(np.real(value), _POINTS) for value in of(known)]))
         above, below = sides
         return above - below, np.maximum(np.abs(above), np.abs(below))

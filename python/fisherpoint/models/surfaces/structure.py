@@ -12,7 +12,7 @@ import numpy as np
 import sympy
 
 from ...basics.values import Array
-from ..tape.defined import Defined, value_of
+from ..tape.defined import Defined, value_of, values_of
 from ..tape.parts import parts, reads, symbols_of
 from ..tape.programs import Programs, Surfaces, build_programs
 from ..tape.reset import Reset
@@ -98,16 +98,16 @@ class Structure:
         by_side = Branches(states, True, equations.inputs, equations.constants)
         by_value = Branches(states, by_side=False)
         written = [by_side.rewrite(expression) for expression in equations.rates]
-        conditions_of_resets = [value_of(by_side.rewrite(reset.condition)) for reset in equations.resets]
-        rates = [value_of(expression) for expression in written]
-        known = [value_of(condition) for condition in (*equations.conditions, *(condition for _, condition in equations.along))]
+        conditions_of_resets = values_of(by_side.rewrite(reset.condition) for reset in equations.resets)
+        rates = values_of(written)
+        known = values_of((*equations.conditions, *(condition for _, condition in equations.along)))
         classed = classified(rates, by_side, states, equations.constants, known)
         conditions_of_resets = [by_side.merged(condition) for condition in conditions_of_resets]
         classed = _with_jumps(classed, conditions_of_resets)
         merged = [replace(surface, expression=by_side.merged(surface.expression)) for surface in classed]
         powers = Powers(merged)
         whole_rates = [powers.rewrite(by_side.merged(rate)) for rate in written]
-        self.rates = [value_of(rate) for rate in whole_rates]
+        self.rates = values_of(whole_rates)
         surfaces = [replace(surface, expression=powers.rewrite(surface.expression)) for surface in merged]
         steep = dict(zip(surfaces, steep_ones(surfaces, self.rates), strict=True))
         self.surfaces = sorted(surfaces, key=lambda surface: (not surface.jump, not surface.jump and not steep[surface]))
@@ -124,7 +124,7 @@ class Structure:
             for one in equations.updates
         ]
         whole_output = [powers.rewrite(by_value.rewrite(expression)) for expression in equations.output]
-        self.output = [value_of(expression) for expression in whole_output]
+        self.output = values_of(whole_output)
 
         domain = Domain(equations.constants, self.surfaces)
         for text, condition in equations.along:
@@ -166,7 +166,7 @@ class Structure:
         """Whether f takes a root or a logarithm of what is zero on each jump and kink, or of what reads its side."""
         if not self.surfaces:
             return []
-        under = {part.args[0] for rate in self.rates for part in parts(rate) if _is_root(part)}
+        under = {part.args[0] for part in parts(*self.rates) if _is_root(part)}
         factors = {factor for base in under for factor in sympy.Mul.make_args(base) if not factor.is_number}
         values = {factor.args[0] if isinstance(factor, sympy.Abs) else factor for factor in factors}
         forms = {normal_form(value)[0] for value in values}
@@ -198,14 +198,14 @@ def steep_ones(surfaces: Sequence[Surface], rates: Sequence[Any]) -> list[bool]:
     """Whether the slope of rates has no bounds at each surface: they take a root of what is zero on it."""
     if not surfaces:
         return []
-    powers = [part for rate in rates for part in parts(rate) if part.is_Pow and isinstance(part.base, sympy.Abs)]
+    powers = [part for part in parts(*rates) if part.is_Pow and isinstance(part.base, sympy.Abs)]
     forms = {normal_form(power.base.args[0])[0] for power in powers if not power.exp.is_number or 0 < power.exp < 1}
     return [normal_form(surface.expression)[0] in forms for surface in surfaces]
 
 
 def _with_jumps(surfaces: Sequence[Surface], conditions: Sequence[Any]) -> list[Surface]:
     """Jumps first, among them all surfaces on whose sides states are set anew."""
-    read = set().union(*map(symbols_of, conditions))
+    read = symbols_of(*conditions)
     # Those at which f has no jump move no other surface either.
     classed = [
         replace(surface, jump=True, crossable=surface.crossable or not surface.jump) if surface.side in read else surface

@@ -33,7 +33,7 @@ class SurfacePoints:
         expressions = [surface, *(side for pair in pairs for side in pair)]
         self._positive = positive
         self._calculation = Calculation(expressions, work)
-        self._symbols = sorted(set().union(*map(symbols_of, expressions)), key=str)
+        self._symbols = sorted(symbols_of(*expressions), key=str)
         self._rng = np.random.default_rng(0)
         self._changes = [
             {place: _ROUNDED * float(self._rng.choice([-1, 1]) * self._rng.uniform(0.5, 1)) for place in self._calculation.floats}

@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy
 
-from .parts import contains, rebuilt
+from .parts import contain, rebuilt
 
 
 class Defined(sympy.Function):  # type: ignore[misc]
@@ -29,6 +29,12 @@ def defined(value: Any, others: Iterable[Any]) -> Any:
 
 def value_of(expression: Any) -> Any:
     """The expression without what it was written of beside."""
-    if not contains(expression, Defined):
-        return expression
-    return rebuilt(expression, lambda _, now: now.args[0] if isinstance(now, Defined) else now)
+    return values_of([expression])[0]
+
+
+def values_of(expressions: Iterable[Any]) -> list[Any]:
+    """Expressions without what they were written of beside."""
+    written, made = list(expressions), dict[Any, Any]()
+    if not contain(written, Defined):
+        return written
+    return [rebuilt(one, lambda _, now: now.args[0] if isinstance(now, Defined) else now, made) for one in written]

@@ -6,7 +6,7 @@ whole numbers are Integers here, however they were written.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from operator import is_
 from typing import Any
@@ -14,6 +14,8 @@ from typing import Any
 import sympy
 from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
+
+from .signs import may_have_any_sign
 
 MAX_OPERATIONS = 20_000
 """The most different operations, names and numbers of an expression: what occurs more than once is computed once."""
@@ -23,15 +25,15 @@ _ODD = frozenset([sympy.asinh, sympy.atan, sympy.sinh, sympy.tanh])
 _NOT_FINITE = frozenset([sympy.oo, -sympy.oo, sympy.zoo, sympy.nan])
 
 
-def parts(expression: Any, known: Container[Any] = ()) -> Iterator[Any]:
-    """Every part of an expression once, parts before what they are part of; depth does not matter.
+def parts(*expressions: Any, known: Container[Any] = ()) -> Iterator[Any]:
+    """Every part of expressions once, parts before what they are part of; depth does not matter.
 
     What is in `known` is left out, with its parts.
     """
     # What was looked at by its place in memory: equal parts mostly are the same, and hashes of floats are slow.
     places: dict[int, Any] = {}
     seen: set[Any] = set()
-    stack = [expression]
+    stack = list(reversed(expressions))
     while stack:
         part = stack.pop()
         if part is None:  # what is below it is a part whose own parts are done
@@ -54,7 +56,7 @@ def rebuilt(expression: Any, change: Callable[[Any, Any], Any], known: dict[Any,
     decide them, at length. `known` keeps what was made, for further expressions and the same `change`.
     """
     made = {} if known is None else known
-    for part in parts(expression, made):
+    for part in parts(expression, known=made):
         if part.args:
             args = [made[argument] for argument in part.args]
             same = all(map(is_, args, part.args))
@@ -84,6 +86,8 @@ def remade(part: Any, args: Sequence[Any]) -> Any:
 
 def evaluated(function: Callable[..., Any], *args: Any) -> Any:
     """The value of a function of SymPy; odd ones do not ask at length whether a sum or a product is zero everywhere."""
+    if function is sympy.sign and args[0].is_Add and may_have_any_sign(args[0]):
+        return function(*args, evaluate=False)
     if function in _ODD and isinstance(args[0], sympy.Add | sympy.Mul) and not args[0].is_number:
         return function(*args, evaluate=bool(args[0].could_extract_minus_sign()))
     return function(*args)
@@ -115,20 +119,20 @@ def reads(expression: Any, symbols: Collection[Any]) -> bool:
     return any(part in symbols for part in parts(expression))
 
 
-def symbols_of(expression: Any) -> set[Any]:
-    """All symbols of an expression; unlike `free_symbols` it looks at each part once."""
-    return {part for part in parts(expression) if part.is_Symbol}
+def symbols_of(*expressions: Any) -> set[Any]:
+    """All symbols of expressions; unlike `free_symbols` it looks at each part once."""
+    return {part for part in parts(*expressions) if part.is_Symbol}
 
 
-def contains(expression: Any, kind: type) -> bool:
-    """Whether a part of an expression is of a kind."""
-    return any(isinstance(part, kind) for part in parts(expression))
+def contain(expressions: Iterable[Any], kind: type) -> bool:
+    """Whether a part of one of the expressions is of a kind."""
+    return any(isinstance(part, kind) for part in parts(*expressions))
 
 
 def check_size(expression: Any, place: str, depths: dict[Any, int] | None = None) -> None:
     """Raise where SymPy, which goes down by recursion, would take too long; `depths` has the parts of expressions before."""
     known = {} if depths is None else depths
-    for part in parts(expression, known):
+    for part in parts(expression, known=known):
         known[part] = 1 + max((known[argument] for argument in part.args), default=0)
     for what, given, most in (
         ("different operations", len(known), MAX_OPERATIONS),

@@ -9,25 +9,27 @@ import sympy
 
 def is_positive(expression: Any) -> bool:
     """Whether an expression is known to be positive."""
-    return not _may_have_any_sign(expression) and bool(expression.is_positive)
+    return not may_have_any_sign(expression) and bool(expression.is_positive)
 
 
 def is_nonnegative(expression: Any) -> bool:
     """Whether an expression is known not to be negative."""
-    return _is_sum_of_squares(expression) or (not _may_have_any_sign(expression) and bool(expression.is_nonnegative))
+    return _is_sum_of_squares(expression) or (not may_have_any_sign(expression) and bool(expression.is_nonnegative))
 
 
 def is_nonzero(expression: Any) -> bool:
     """Whether an expression is known to be other than zero."""
-    return not _may_have_any_sign(expression) and bool(expression.is_nonzero)
+    return not may_have_any_sign(expression) and bool(expression.is_nonzero)
 
 
-def _may_have_any_sign(expression: Any) -> bool:
-    """Whether that is seen at once: of a product of symbols, or of a sum with one. SymPy would find no sign, but at length."""
-    if expression.is_Add:
-        return any(map(_may_have_any_sign, expression.args))
-    factors = [factor for factor in sympy.Mul.make_args(expression) if not factor.is_Number]
-    return bool(factors) and all(one.is_Symbol and _is_open(one) for one in factors)
+def may_have_any_sign(expression: Any, depth: int = 4) -> bool:
+    """Whether that is seen at once: of a symbol, of a product with such a factor, of a sum with such a term.
+
+    SymPy would find no sign, but at length. Not seen is what stands deeper than `depth` sums and products.
+    """
+    if expression.is_Add or expression.is_Mul:
+        return depth > 0 and any(may_have_any_sign(part, depth - 1) for part in expression.args)
+    return bool(expression.is_Symbol) and _is_open(expression)
 
 
 def _is_open(symbol: Any) -> bool:
