@@ -22,7 +22,7 @@ COUNTS = {  # operations of setup, of the stage, and registers
     "output": (0, 0, 22),
     "surfaces": (0, 7, 32),
     "surface_rates": (0, 4, 29),
-    "rate_jacobian": (7, 77, 63),
+    "rate_jacobian": (7, 77, 64),
     "output_jacobian": (0, 0, 23),
 }
 N_X = 5

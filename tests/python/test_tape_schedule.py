@@ -52,14 +52,16 @@ def run(program: Program, leaves: Floats) -> Floats:
 
 
 @settings(deadline=None)
-@given(graphs(), st.integers(0, 2**32 - 1))
-def test_a_program_computes_what_its_graph_does(case: tuple[Graph, list[int]], seed: int) -> None:
+@given(graphs(), st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 7, 64]))
+def test_a_program_computes_what_its_graph_does(case: tuple[Graph, list[int]], seed: int, window: int) -> None:
     """To the last bit, as products in sums are rounded here as outside of them."""
     graph, results = case
     leaves = np.random.default_rng(seed).uniform(-2, 2, (5, LEAVES.count))
     with np.errstate(all="ignore"):
         expected = values_of(graph, leaves, results)
-    assert np.array_equal(run(schedule(graph, results), leaves), expected, equal_nan=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fisherpoint.models.tape.schedule._WINDOW", window)
+        assert np.array_equal(run(schedule(graph, results), leaves), expected, equal_nan=True)
 
 
 @settings(deadline=None)
@@ -108,6 +110,19 @@ def test_operations_one_after_the_other_take_few_registers() -> None:
         node = graph.mul(graph.call("sin", node), graph.call("cos", graph.add(node, b)))
     program = schedule(graph, [node])
     assert program.registers <= len(program.literals) + graph.leaves.count + 3
+
+
+def test_what_a_large_program_computes_is_used_soon() -> None:
+    """Of 300 neighbours in a ring, each pulled by both beside it."""
+    leaves = Leaves(parameters=1, inputs=0, states=300, sides=0)
+    graph = Graph(leaves)
+    x = [*leaves.x]
+    pulls = [graph.mul(0, graph.sub(a, b)) for a, b in pairwise([*x, x[0]])]
+    program = schedule(graph, [graph.sub(a, graph.call("tanh", b)) for a, b in pairwise([pulls[-1], *pulls])])
+    temporaries = program.registers - len(program.literals) - leaves.count - len(program.outputs)
+    assert temporaries <= 64
+    kinds = program.stage[:, 0]
+    assert (kinds[1:] != kinds[:-1]).sum() < len(kinds) / 10  # runs of one kind, which are decoded together
 
 
 def test_programs_are_equal_by_content() -> None:
