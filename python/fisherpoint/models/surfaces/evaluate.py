@@ -41,7 +41,7 @@ class Evaluator:
         self._needed: Sequence[int] = range(len(self._steps))
 
     def only(self, expressions: Sequence[Any]) -> Evaluator:
-        """Of some of the expressions, or parts of them."""
+        """The operations that some of the expressions, or parts of them, need."""
         made = copy(self)
         made._results = [self._places[expression] for expression in expressions]
         needed = set(made._results)

@@ -20,7 +20,7 @@ _POINTS = 24
 _ENOUGH = 3
 """At how many of them, and at least half of those where values differ at all, the differences are steady where there is a jump."""
 _FACTORS = np.array([[0.0], [1.0], [2.0]])
-"""By which a state is multiplied, to see whether a surface is a straight line in it."""
+"""Factors of a state, which show whether a surface is a straight line in it."""
 _STEPS, _AT_REST = 40, 1e-14
 _ASIDE = 1e-7
 """By how much of itself every number is changed: differences that are rounding, or vanish on the surface, change with it."""

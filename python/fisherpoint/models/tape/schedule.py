@@ -22,7 +22,7 @@ _BEGINS = frozenset({"add", "sub", "mul", "mul_add", "mul_sub", "sub_mul"})
 """Operations that a sum may begin with."""
 
 _WINDOW = 64
-"""Operations, or sums, of which the order is free: what they compute of 16 lanes is a quarter of the first-level cache."""
+"""The number of operations, or sums, that may change places: their results in 16 lanes are a quarter of the first-level cache."""
 
 
 def schedule(graph: Graph, results: Sequence[int]) -> Program:
@@ -103,7 +103,7 @@ def _sums(steps: Steps, kept: Iterable[int]) -> list[Steps]:
 def _by_kind(groups: list[Steps]) -> Steps:
     """The steps in another order: as many groups of one kind as can be follow each other, so that few kinds have to be decoded.
 
-    They change places within windows alone, so that what is computed is in the first-level cache still when it is used.
+    Groups change places within windows alone: results are still in the first-level cache when they are used.
     """
     ordered: Steps = {}
     in_order = _depth_first(groups)
@@ -113,7 +113,7 @@ def _by_kind(groups: list[Steps]) -> Steps:
 
 
 def _depth_first(groups: list[Steps]) -> list[Steps]:
-    """The groups, each soon behind those whose steps it uses."""
+    """The groups in an order in which each comes soon after those whose steps it uses."""
     uses = _uses(groups)
     done: dict[int, Steps] = {}
     stack = sorted(set(range(len(groups))).difference(*uses), reverse=True)  # what no other group uses
@@ -129,7 +129,7 @@ def _depth_first(groups: list[Steps]) -> list[Steps]:
 
 
 def _uses(groups: list[Steps]) -> list[dict[int, None]]:
-    """By each group, the others whose steps it uses."""
+    """For each group, the others whose steps it uses."""
     group_of = {node: k for k, group in enumerate(groups) for node in group}
     operands = ((operand for step in group.values() for operand in step.operands) for group in groups)
     found = [dict.fromkeys(group_of[operand] for operand in many if operand in group_of) for many in operands]
@@ -137,7 +137,7 @@ def _uses(groups: list[Steps]) -> list[dict[int, None]]:
 
 
 def _window_by_kind(groups: list[Steps]) -> Steps:
-    """The steps of one window."""
+    """The steps of one window, kind by kind."""
     missing = [0] * len(groups)
     users: list[list[int]] = [[] for _ in groups]
     kinds = [next(iter(group.values())).name if len(group) == 1 else "sum" for group in groups]
