@@ -394,7 +394,7 @@ class SymbolicModel(DescribedModel):
             if not (given := rows[:, j].min(initial=0.0)) >= 0:
                 raise ValueError(f"{self.parameters[j].name}: expected a dead time of at least 0 s, given {given:g}")
 
-    @property
+    @cached_property
     def _dead_columns(self) -> list[int]:
         return [*self.delay_columns.values(), *self.late_columns.values()]
 

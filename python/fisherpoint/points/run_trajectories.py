@@ -22,6 +22,7 @@ from .settings import Integration
 from .status import Status, only_finite
 from .trajectories import Sensitivities, Trajectories
 
+_OK = np.int32(Status.ok)
 _Result = TypeVar("_Result", Trajectories, Sensitivities)
 
 
@@ -39,7 +40,7 @@ def checked_sensitivities(
 
 
 def _completed(status: IntArray) -> IntArray:
-    return np.asarray(status == Status.ok, dtype=np.int32)
+    return np.equal(status, _OK).astype(np.int32)
 
 
 def checked_run_trajectories(model: Model, runs: Runs, theta: Array, settings: Integration) -> Trajectories:

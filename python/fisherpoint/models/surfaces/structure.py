@@ -19,7 +19,7 @@ from ..tape.reset import Reset
 from ..tape.update import Update
 from .branches import Branches, Surface
 from .domain import Domain, Limit
-from .evaluate import evaluate
+from .evaluate import Evaluator, evaluate
 from .jumps import classified
 from .memory import Memory, remembered
 from .powers import Powers
@@ -148,19 +148,18 @@ class Structure:
         parameters = set(self.equations.parameters)
         fixed = [limit for limit in self.of_parameters if not reads(limit.expression, parameters)]
         self.of_parameters = [limit for limit in self.of_parameters if limit not in fixed]
-        self._refuse(fixed, {}, "constants.")
+        _refuse(fixed, evaluate([limit.expression for limit in fixed], self.equations.constants), "constants.")
 
     def check_theta(self, rows: Array) -> None:
         """Raise where one of the rows (K, p) breaks a limit that neither state nor input enters."""
-        self._refuse(self.of_parameters, dict(zip(self.equations.parameters, rows.T, strict=True)), "")
+        if self.of_parameters:
+            given = dict(zip(self.equations.parameters, rows.T, strict=True))
+            _refuse(self.of_parameters, self._values_of_limits({**self.equations.constants, **given}), "")
 
-    def _refuse(self, limits: Sequence[Limit], values: Mapping[Any, Any], place: str) -> None:
-        numbers = evaluate([limit.expression for limit in limits], {**self.equations.constants, **values})
-        for limit, given in zip(limits, map(np.atleast_1d, numbers), strict=True):
-            holds = given != 0 if limit.pole else given > 0
-            if not holds.all():
-                expected = "a number other than 0" if limit.pole else "a positive number"
-                raise ValueError(f"{place}{limit.name}: expected {expected}, given {given[~holds][0]:g}")
+    @cached_property
+    def _values_of_limits(self) -> Evaluator:
+        """The values of `of_parameters`."""
+        return Evaluator([limit.expression for limit in self.of_parameters])
 
     def rough(self) -> list[bool]:
         """Whether f takes a root or a logarithm of what is zero on each jump and kink, or of what reads its side."""
@@ -212,6 +211,15 @@ def _with_jumps(surfaces: Sequence[Surface], conditions: Sequence[Any]) -> list[
         for surface in surfaces
     ]
     return [surface for surface in classed if surface.jump] + [surface for surface in classed if not surface.jump]
+
+
+def _refuse(limits: Sequence[Limit], values: Sequence[Any], place: str) -> None:
+    """Raise where a limit does not hold with its values."""
+    for limit, given in zip(limits, map(np.atleast_1d, values), strict=True):
+        holds = given != 0 if limit.pole else given > 0
+        if not holds.all():
+            expected = "a number other than 0" if limit.pole else "a positive number"
+            raise ValueError(f"{place}{limit.name}: expected {expected}, given {given[~holds][0]:g}")
 
 
 def _is_root(part: Any) -> bool:
