@@ -5,12 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "fisherpoint/equations/tape_equations.hpp"
-#include "fisherpoint/integration/integrator.hpp"
-#include "fisherpoint/integration/tableau.hpp"
+#include "tape_integrator.hpp"
 
 using namespace fisherpoint;
-using P = Pack<4 * native_lanes>;
+using P = Pack<tape_lanes>;
 using O = Operation;
 using State = HeapArray<P>;
 

@@ -10,6 +10,7 @@
 #include "fisherpoint/kernels/simulate.hpp"
 #include "fisherpoint/prior/prior_grid.hpp"
 #include "models.hpp"
+#include "tape_integrator.hpp"
 
 using namespace fisherpoint;
 using namespace fisherpoint::testing;
@@ -90,8 +91,8 @@ TEST_CASE("a tape side by side") {
   check_side_by_side([&](int threads) {
     Values ends(200), y(200), lasted(200);
     std::vector<Status> status(200);
-    simulate_packs<Pack<4 * native_lanes>, Tableau>(decay, Points{200, x0.data(), nullptr, dt.data()}, {&rate, false}, {},
-                                                    Workers(threads), {ends.data(), y.data(), status.data(), lasted.data()});
+    simulate_packs<Pack<tape_lanes>, Tableau>(decay, Points{200, x0.data(), nullptr, dt.data()}, {&rate, false}, {},
+                                              Workers(threads), {ends.data(), y.data(), status.data(), lasted.data()});
     return ends;
   });
 }

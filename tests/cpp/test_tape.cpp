@@ -4,17 +4,17 @@
 #include <cmath>
 #include <vector>
 
-#include "fisherpoint/equations/tape_equations.hpp"
 #include "fisherpoint/kernels/predictive_covariance.hpp"
 #include "fisherpoint/kernels/simulate.hpp"
 #include "fisherpoint/prior/prior_grid.hpp"
 #include "models.hpp"
 #include "rows_and_columns.hpp"
+#include "tape_integrator.hpp"
 
 using namespace fisherpoint;
 using namespace fisherpoint::testing;
 using Narrow = Pack<native_lanes>;
-using Wide = Pack<4 * native_lanes>;
+using Wide = Pack<tape_lanes>;
 using O = Operation;
 
 namespace {
