@@ -120,3 +120,16 @@ Sensitive<M> run_sensitive(const M& model, const std::array<double, n_x>& x0, co
 }
 
 }  // namespace fisherpoint::testing
+
+// Integrators that several tests have in common are compiled once, in cylinder_integrator.cpp and small_integrators.cpp: they
+// are most of what a test takes to compile.
+namespace fisherpoint {
+
+extern template class Integrator<StateEquation<HydraulicCylinder, double>, DormandPrince853>;
+extern template class Integrator<StateEquation<testing::Oscillator, double>, DormandPrince853>;
+extern template class Integrator<StateEquation<testing::Oscillator, Pack<native_lanes>>, DormandPrince853>;
+extern template class Integrator<StateEquation<testing::Ball<testing::Kind::kink>, double>, DormandPrince853>;
+extern template class Integrator<StateEquation<testing::Ball<testing::Kind::kink>, Pack<native_lanes>>, DormandPrince853>;
+extern template class Integrator<StateEquation<testing::Ball<testing::Kind::jump>, Pack<native_lanes>>, DormandPrince853>;
+
+}  // namespace fisherpoint

@@ -1,0 +1,14 @@
+#include "models.hpp"
+
+namespace fisherpoint {
+
+using namespace testing;
+using P = Pack<native_lanes>;
+
+template class Integrator<StateEquation<Oscillator, double>, DormandPrince853>;
+template class Integrator<StateEquation<Oscillator, P>, DormandPrince853>;
+template class Integrator<StateEquation<Ball<Kind::kink>, double>, DormandPrince853>;
+template class Integrator<StateEquation<Ball<Kind::kink>, P>, DormandPrince853>;
+template class Integrator<StateEquation<Ball<Kind::jump>, P>, DormandPrince853>;
+
+}  // namespace fisherpoint
