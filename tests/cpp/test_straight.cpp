@@ -51,6 +51,7 @@ straight::V carried_out(Operation operation, straight::V a, straight::V b, strai
     FISHERPOINT_CASE(max, a, b)
     FISHERPOINT_CASE(select, a, b, c)
 #undef FISHERPOINT_CASE
+    case O::accumulate:
     case O::count:
       break;
   }

@@ -246,7 +246,7 @@ struct StepKind {
 
 // Whether a run of a path goes to or from surfaces where f_x has no bounds.
 template <class P, class M>
-void note_steep(const auto& shape, const PointPath<M>& path, std::size_t run, int lane, StepKind<M, P>& kind) {
+void note_steep(const PointPath<M>& path, std::size_t run, int lane, StepKind<M, P>& kind) {
   const auto& here = path.runs[run];
   lanes_of<P>::set(kind.towards, lane, here.steep == Steep::towards);
   lanes_of<P>::set(kind.away, lane, here.steep == Steep::away);
@@ -317,7 +317,7 @@ void for_each_step(const Shape<M>& shape, std::span<const std::size_t> rows, con
       const bool another = run[lane] < path.runs.size();  // behind this one
       const bool beside = (first && n > 0) || (another && n + 1 == run_end[lane]);
       lanes_of<P>::set(kind.beside, lane, beside);
-      if (steep) note_steep(shape, path, run[lane] - 1, lane, kind);
+      if (steep) note_steep(path, run[lane] - 1, lane, kind);
       next[lane] = beside ? n + 1 : another ? run_end[lane] - 1 : run_end[lane];
     }
     if ((goes_on_from_ends(shape) || shape.holds_end > 0) && turned) pass(before, side, resets);
