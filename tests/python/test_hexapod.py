@@ -126,6 +126,7 @@ def test_it_is_the_same_when_saved_and_loaded_copied_and_pickled(names: bool, tm
         assert other == given and hash(other) == hash(given)
         assert other.structure.programs == given.structure.programs
         assert other.texts == given.texts
+        assert (other.domain, other.jumps) == (given.domain, given.jumps)
     assert again.within("z < 3").estimate("g").fix(g=9.81).definitions == given.definitions
     x, u, _ = drawn(3)
     np.save(tmp_path / "x.npy", np.hstack([x, u]))

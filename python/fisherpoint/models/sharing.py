@@ -153,6 +153,11 @@ def _own_length(part: Any) -> int:
     return 3 if part.args else len(str(part)) + 3
 
 
+def is_made_by_models(name: str) -> bool:
+    """Whether a definition has a name as models make them; one that was written and read again has those as its own."""
+    return re.fullmatch("d+[0-9]+", name) is not None
+
+
 def _names_beside(taken: Collection[str]) -> Iterator[str]:
     """Names d1, d2 and so on, or longer ones where a name in use is like that."""
     letters = next("d" * n for n in count(1) if not any(re.fullmatch(f"{'d' * n}[0-9]+", name) for name in taken))

@@ -29,7 +29,7 @@ from .model_text import latex, model_text
 from .model_to_toml import Texts, equations_toml
 from .quantities import RESERVED, Described, DescribedModel, check_counts, start_offsets
 from .read_equations import FurtherEquations, given_equations, place_of, read_equations
-from .sharing import Shared, is_readable, with_shared_parts
+from .sharing import Shared, is_made_by_models, is_readable, with_shared_parts
 from .surfaces.branches import Surface
 from .surfaces.domain import Limit
 from .surfaces.printing import to_text
@@ -145,12 +145,13 @@ class SymbolicModel(DescribedModel):
         return FrozenMapping(self.texts.definitions)
 
     def _text_of(self, expression: Any) -> str:
-        """An expression of `equations` as text, with definitions by their names; the model's own alone where it is long."""
-        given = self._written_out.named
+        """An expression of `equations` as text, with definitions by their names; with those that models make where it is long."""
+        named = self._shared.named | self._written_out.named
+        given = {value: one for value, one in named.items() if not is_made_by_models(one.name)}
         readable = replaced(expression, given) if given else expression
-        if is_readable(readable) or not self._shared.named:
+        if is_readable(readable) or len(given) == len(named):
             return to_text(readable)
-        return to_text(replaced(expression, self._shared.named | given))
+        return to_text(replaced(expression, named))
 
     jumps: tuple[str, ...] = _names(lambda of: (surface for surface in of.surfaces if surface.jump))
     kinks: tuple[str, ...] = _names(lambda of: (surface for surface in of.surfaces if not surface.jump))
