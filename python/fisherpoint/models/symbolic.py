@@ -20,7 +20,6 @@ from ..engine.levels import Kernels
 from .clock import NAMES, clock_quantity
 from .compiled import CompiledCore, compiled_model
 from .dependence import Dependence, states_by_parameters
-from .dimensions import is_time, mistakes_in_units, plain_rate_of, rate_of, stated
 from .expression_list import key_of
 from .expressions import symbol
 from .given_equations import Written, listed_equations
@@ -28,7 +27,7 @@ from .hidden_states import HiddenCore, HiddenKernels
 from .model_text import latex, model_text
 from .model_to_toml import Texts, equations_toml
 from .quantities import RESERVED, Described, DescribedModel, check_counts, start_offsets
-from .read_equations import FurtherEquations, given_equations, place_of, read_equations
+from .read_equations import FurtherEquations, given_equations, read_equations
 from .sharing import Shared, is_made_by_models, is_readable, with_shared_parts
 from .surfaces.branches import Surface
 from .surfaces.domain import Limit
@@ -38,10 +37,8 @@ from .tape.delay import delay_in
 from .tape.parts import replaced, symbols_of
 from .tape.program import Program, to_core
 from .tape.programs import LIMIT
+from .units_of_models import mistakes_of, warn_of_mistakes
 from .written import WrittenEquations
-
-MOST_MISTAKES = 5
-"""Maximum number of mistakes in units that a warning lists."""
 
 
 def _names(of: Callable[[Structure], Iterable[Surface | Limit]]) -> Any:
@@ -165,26 +162,11 @@ class SymbolicModel(DescribedModel):
 
         Quantities in "1", and numbers other than small whole ones, may be in any unit: they are no mistake.
         """
-        equations, states, outputs = self.equations, self.states, self.outputs
-        both = [
-            *((f"equations.{q.name}", rate, rate_of(q)) for q, rate in zip(states, equations.rates, strict=True)),
-            *((place_of(self, q), output, stated(q)) for q, output in zip(outputs, equations.output, strict=True)),
-        ]
-        conditions = [*((f"domain[{i}]", one) for i, one in enumerate(equations.conditions)), *equations.along]
-        rates = {f"equations.{q.name}": plain_rate_of(q) for q in states}
-        clock = [] if self.clock is None else [clock_quantity(self.clock.name)]
-        found = mistakes_in_units(both, conditions, rates, (*(q for of in self._quantities() for q in of), *clock))
-        times = {*self.delays.values(), *self.late_outputs.values()}
-        used = [q for q in (*self.parameters, *self.constant_quantities) if q.name in times]
-        return (*found, *(f"{q.name} in {q.unit}, which is no time, is a dead time" for q in used if not is_time(q)))
+        return mistakes_of(self, self.equations, self.clock)
 
     def warn_of_units(self, stacklevel: int = 2) -> None:
         """Warn of `mistakes_in_units`, where there are any."""
-        if mistakes := self.mistakes_in_units:
-            more = f"; and {len(mistakes) - MOST_MISTAKES} more" if len(mistakes) > MOST_MISTAKES else ""
-            listed = "; ".join(mistakes[:MOST_MISTAKES])
-            text = f"units of {self.name}: {listed}{more}. If that is meant, check_units = false keeps quiet"
-            warnings.warn(text, stacklevel=stacklevel)
+        warn_of_mistakes(self.name, self.mistakes_in_units, stacklevel + 1)
 
     @cached_property
     def core(self) -> Any:
