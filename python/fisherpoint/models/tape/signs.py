@@ -27,9 +27,12 @@ def may_have_any_sign(expression: Any, depth: int = 4) -> bool:
 
     SymPy would find no sign, but at length. Not seen is what stands deeper than `depth` sums and products.
     """
-    if expression.is_Add or expression.is_Mul:
-        return depth > 0 and any(may_have_any_sign(part, depth - 1) for part in expression.args)
-    return bool(expression.is_Symbol) and _is_open(expression)
+    level = [expression]
+    for _ in range(depth + 1):
+        if any(one.is_Symbol and _is_open(one) for one in level):
+            return True
+        level = list({id(part): part for one in level if one.is_Add or one.is_Mul for part in one.args}.values())
+    return False
 
 
 def _is_open(symbol: Any) -> bool:
