@@ -1,3 +1,4 @@
+// The integrator of the cylinder in doubles, for the tests of every level.
 #include "models.hpp"
 
 namespace fisherpoint {

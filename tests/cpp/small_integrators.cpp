@@ -1,3 +1,4 @@
+// Integrators of small models, for the tests of methods: of one level.
 #include "models.hpp"
 
 namespace fisherpoint {

@@ -128,8 +128,7 @@ def read_definitions(
 def _names_in(value: Any) -> set[str]:
     if isinstance(value, str):
         return set(re.findall(r"[^\W\d]\w*", value))
-    read = (symbols_of(one) for one in _expressions([value]))
-    return {one.name for of in read for one in of if not isinstance(one, Definition)}
+    return {one.name for one in symbols_of(*_expressions([value])) if not isinstance(one, Definition)}
 
 
 def _expressions(given: Iterable[Any]) -> list[Any]:

@@ -71,9 +71,7 @@ class _Naming:
         self._depth: dict[Any, int] = {}
         self._names = _names_beside(taken)
         self._new: dict[str, Written] = {}
-        everything: dict[Any, None] = {}
-        for root in roots:
-            everything |= dict.fromkeys(parts(root, known=everything))
+        everything = list(parts(*roots))
         self._uses = Counter(roots)
         self._uses.update(argument for part in everything for argument in part.args)
         # The conditions of a latch, and what is 1 where a condition holds, are printed as conditions.

@@ -288,7 +288,7 @@ class SymbolicModel(DescribedModel):
         """Return the model in which these states start off their x0 by a further parameter each: they come last, nominally 0."""
         offsets = start_offsets(self, names)
         moved = dict(zip(names, map(symbol, names_of(offsets)), strict=True))
-        read = set().union(*(symbols_of(one.expression) for one in self._written.all()))
+        read = symbols_of(*(one.expression for one in self._written.all()))
         shift = {symbol(name): symbol(name) + offset for name, offset in moved.items()}
         # Late outputs read the states with their offsets too.
         shift |= {one: one + moved[late[0]] for one in read if (late := delay_in(one)) and late[0] in moved}

@@ -22,7 +22,7 @@ from .settings import Integration
 from .status import Status, only_finite
 from .trajectories import Sensitivities, Trajectories
 
-_OK = np.int32(Status.ok)
+_OK = np.int32(Status.ok)  # to compare an array with the enum itself takes six times as long
 _Result = TypeVar("_Result", Trajectories, Sensitivities)
 
 

@@ -59,12 +59,10 @@ class Calculation:
         self._steps: list[tuple[Callable[..., Value], tuple[int, ...]]] = []
         self._numbers: dict[int, Value] = {}
         self._symbols: dict[int, Any] = {}
-        self._results: list[int] = []
         self.floats: list[int] = []
-        for expression in expressions:
-            for part in parts(expression, known=self._places):
-                self._add(part)
-            self._results.append(self._places[expression])
+        for part in parts(*expressions):
+            self._add(part)
+        self._results = [self._places[expression] for expression in expressions]
 
     def _add(self, part: Any) -> None:
         place = self._places[part] = len(self._steps)

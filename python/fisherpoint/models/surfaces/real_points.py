@@ -54,9 +54,8 @@ class RealPoints:
         conditions: Sequence[Any],
     ) -> None:
         self._surfaces, self._states, self._positive = branches.surfaces, states, positive
-        of_surfaces = [one.expression for one in self._surfaces]
-        self._all = Evaluator([*expressions, *conditions, *of_surfaces])
-        self._conditions, self._on_surfaces = self._all.only(conditions), self._all.only([*conditions, *of_surfaces])
+        self._all = Evaluator([*expressions, *conditions, *(one.expression for one in self._surfaces)])
+        self._conditions = self._all.only(conditions)
         self._heights = {one: self._all.only([one.expression]) for one in self._surfaces}
         self._seconds = {side: second for second, side in branches.seamless.items()}
         self._numbers = {symbol: np.full(_POINTS, float(value)) for symbol, value in numbers.items()}
@@ -66,7 +65,7 @@ class RealPoints:
         """Whether one of the expressions that read the surface's side is found to differ between both sides."""
         rng = np.random.default_rng(0)
         of = self._all.only(reading)
-        read = {*of.symbols, *self._on_surfaces.symbols}
+        read = set(of.symbols).union(self._conditions.symbols, *(height.symbols for height in self._heights.values()))
         sides = {one.side for one in self._surfaces} | set(self._seconds.values())
         values = dict(self._numbers)
         for symbol in sorted(read - sides - values.keys(), key=str):

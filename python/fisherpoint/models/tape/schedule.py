@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
+from graphlib import TopologicalSorter
 
 import numpy as np
 
@@ -132,33 +133,30 @@ def _uses(groups: list[Steps]) -> list[dict[int, None]]:
     """For each group, the others whose steps it uses."""
     group_of = {node: k for k, group in enumerate(groups) for node in group}
     operands = ((operand for step in group.values() for operand in step.operands) for group in groups)
-    found = [dict.fromkeys(group_of[operand] for operand in many if operand in group_of) for many in operands]
+    found = (dict.fromkeys(group_of.get(operand, k) for operand in many) for k, many in enumerate(operands))
     return [{other: None for other in others if other != k} for k, others in enumerate(found)]
 
 
 def _window_by_kind(groups: list[Steps]) -> Steps:
     """The steps of one window, kind by kind."""
-    missing = [0] * len(groups)
-    users: list[list[int]] = [[] for _ in groups]
     kinds = [next(iter(group.values())).name if len(group) == 1 else "sum" for group in groups]
-    for k, others in enumerate(_uses(groups)):
-        missing[k] = len(others)
-        for other in others:
-            users[other].append(k)
     ready: dict[str, deque[int]] = {kind: deque() for kind in kinds}
-    for k, kind in enumerate(kinds):
-        if not missing[k]:
-            ready[kind].append(k)
+    sorter = TopologicalSorter(dict(enumerate(_uses(groups))))
+    sorter.prepare()
+
+    def take_ready() -> None:
+        for k in sorter.get_ready():
+            ready[kinds[k]].append(k)
+
+    take_ready()
     ordered: Steps = {}
-    while any(ready.values()):
+    while sorter.is_active():
         kind = max(ready, key=lambda name: len(ready[name]))
         while ready[kind]:
             k = ready[kind].popleft()
             ordered |= groups[k]
-            for user in users[k]:
-                missing[user] -= 1
-                if not missing[user]:
-                    ready[kinds[user]].append(user)
+            sorter.done(k)
+            take_ready()
     return ordered
 
 

@@ -6,6 +6,9 @@ from typing import Any
 
 import sympy
 
+_DEEPEST = 4
+"""How many sums and products, one in the other, are looked into."""
+
 
 def is_positive(expression: Any) -> bool:
     """Whether an expression is known to be positive."""
@@ -22,13 +25,13 @@ def is_nonzero(expression: Any) -> bool:
     return not may_have_any_sign(expression) and bool(expression.is_nonzero)
 
 
-def may_have_any_sign(expression: Any, depth: int = 4) -> bool:
+def may_have_any_sign(expression: Any) -> bool:
     """Whether that is seen at once: of a symbol, of a product with such a factor, of a sum with such a term.
 
-    SymPy would find no sign, but at length. Not seen is what stands deeper than `depth` sums and products.
+    SymPy would find no sign, but at length. Not seen is what stands deeper than a few sums and products.
     """
     level = [expression]
-    for _ in range(depth + 1):
+    for _ in range(1 + _DEEPEST):
         if any(one.is_Symbol and _is_open(one) for one in level):
             return True
         level = list({id(part): part for one in level if one.is_Add or one.is_Mul for part in one.args}.values())
